@@ -48,6 +48,11 @@ class R2SEGO_PT_views(Step, bpy.types.Panel):
         write_wrapped(context, layout, legend)
         if scores.note:
             write_wrapped(context, layout, scores.note, "INFO")
+        for number, photograph in enumerate(scores.selection.photographs):
+            row = layout.row(align=True)
+            x, y, _ = photograph.camera.centre
+            row.label(text=f"To take: x {x:.1f}, y {y:.1f} m, {photograph.yaw_deg:.0f}°", icon="CAMERA_DATA")
+            row.operator("r2sego.look_through_photograph", text="", icon="VIEW_CAMERA").photograph = number
         fact_list(layout, R2SEGO_UL_ranked_views, group, "ranked_index", rows=4, maxrows=12)
 
 

@@ -45,7 +45,7 @@ def _algorithm_1(step: Steps) -> None:
         proxy = step.geometry_proxy(l, captures, observed, aligned_priors, asset)  # 6
         collision = step.replace_collision_mesh(l, proxy)  # 7
         candidates = step.successful_ego_poses(l, captures, aligned_priors, proxy, collision)  # 8
-        targets = step.robot_proxy(l, captures, candidates, proxy, asset)  # 9, 10
+        targets = step.robot_proxy(l, captures, aligned_priors, candidates, proxy, asset)  # 9, 10
         generated = step.ego_video_reg(l, captures, aligned_priors, proxy, targets)  # 11
         pseudo_observations += generated  # 12
         asset = step.update_visual_asset(l, asset, captures, aligned_priors, proxy, pseudo_observations)  # 13

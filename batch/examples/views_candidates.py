@@ -48,6 +48,9 @@ def show(options: argparse.Namespace) -> None:
     bpy.ops.r2sego.pick_candidate(candidate=chosen)
     bpy.ops.r2sego.look_through_candidate()
     print(f"looking through candidate {chosen}: {views.why}")
+    for number, photograph in enumerate(scores.selection.photographs):
+        bpy.ops.r2sego.look_through_photograph(photograph=number)
+        print(f"photograph to take {number + 1}: {photograph.in_words()}")
     if options.blend:
         bpy.ops.wm.save_as_mainfile(filepath=str(options.blend.absolute()))
 

@@ -7,7 +7,7 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ...r2sego_blender.bundle.asset_stages import stage_named
 from ...r2sego_blender.core.errors import AssetError, R2SEgoError
-from ...r2sego_blender.splats.formats.registry import MENU
+from ...r2sego_blender.splats.formats.registry import MENU, SUFFIXES
 from .. import state
 from ..base import EngineOperator, needs_idle_engine, told
 from .polls import needs_asset
@@ -23,7 +23,9 @@ class R2SEGO_OT_export_asset(EngineOperator, bpy.types.Operator):
     filepath: StringProperty(name="File", description="The file to write", subtype="FILE_PATH", options={"SKIP_SAVE"})
     check_existing: BoolProperty(default=True, options={"HIDDEN"})
     filter_glob: StringProperty(default=";".join(f"*{suffix}" for suffix, *_ in MENU), options={"HIDDEN"})
-    file_format: EnumProperty(name="Format", description="Gives the file its suffix", items=MENU)
+    file_format: EnumProperty(
+        name="Format", description="Gives the file its suffix; by default the name's own counts", items=MENU
+    )
     stage: StringProperty(
         name="Asset", description="initial, a round's number, or final; empty = the final one", options={"SKIP_SAVE"}
     )
@@ -39,15 +41,23 @@ class R2SEGO_OT_export_asset(EngineOperator, bpy.types.Operator):
             except (R2SEgoError, OSError) as error:
                 self.report({"ERROR"}, told(error))
                 return {"CANCELLED"}
+        self._seen_format = self.file_format
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
     def check(self, context):
-        """Show the name that is written, by which Blender tells whether there is such a file."""
-        shown = self.filepath
+        """Show the name that is written, by which Blender tells whether there is such a file.
+
+        Of the name's suffix and the format, that counts which was changed.
+        """
+        shown, seen_format = self.filepath, self._seen_format
+        typed = Path(shown).suffix.lower()
+        if self.file_format == seen_format and typed in (suffix for suffix, *_ in MENU):
+            self.file_format = typed
+        self._seen_format = self.file_format
         if Path(shown).name and not Path(bpy.path.abspath(shown)).is_dir():
             self.filepath = str(self._file())
-        return self.filepath != shown
+        return self.filepath != shown or self.file_format != seen_format
 
     def arguments(self, context):
         if not self.filepath:
@@ -64,5 +74,6 @@ class R2SEGO_OT_export_asset(EngineOperator, bpy.types.Operator):
 
     def _file(self) -> Path:
         file = Path(bpy.path.abspath(self.filepath))
-        known = file.suffix.lower() in (suffix for suffix, *_ in MENU)
-        return file.with_suffix(self.file_format) if known else file.with_name(file.name + self.file_format)
+        if file.suffix.lower() not in SUFFIXES:
+            return file.with_name(file.name + self.file_format)
+        return file.with_suffix(self.file_format) if self.properties.is_property_set("file_format") else file

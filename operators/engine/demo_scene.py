@@ -5,13 +5,12 @@ from pathlib import Path
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from ...r2sego_blender.bridge.captures.show_captures import capture_cameras
 from ...r2sego_blender.core.errors import R2SEgoError
 from ...r2sego_blender.results.panels.bundle import SUFFIX, Bundle
 from ...r2sego_blender.workers.jobs import Job
 from .. import state
 from ..base import EngineOperator, needs_idle_engine, needs_own_scene
-from .room_view import hide_startup_cube, look_into
+from ..room_view import look_into_room
 
 _TAKES = "Takes some minutes, Paper 15 and more; Blender stays free meanwhile"
 
@@ -86,11 +85,7 @@ def open_begun(context: bpy.types.Context, job: Job) -> None:
 def _show_captures(context: bpy.types.Context, bundle: Bundle) -> None:
     """The captures' cameras, in a view that looks into their room."""
     bpy.ops.r2sego.import_captures()
-    hide_startup_cube(context.scene)
-    if context.area is not None and context.area.type == "VIEW_3D":
-        context.view_layer.update()  # the cameras' places
-        cameras = capture_cameras(context.scene, str(bundle.path))
-        look_into(context.space_data.region_3d, bundle.sparse_points()[0], cameras)
+    look_into_room(context.scene, bundle)
 
 
 def _bundle_in(directory: str) -> Path:

@@ -11,6 +11,7 @@ from ...r2sego_blender.results.panels.bundle import SUFFIX, Bundle
 from ...r2sego_blender.results.panels.scene_choices import robot_choices, scope_choices
 from .. import state
 from ..base import EngineOperator, needs_idle_engine, needs_own_scene
+from ..room_view import show_room
 
 
 def _matching(choices):
@@ -142,8 +143,9 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
         return command
 
     def finish(self, context, result):
-        state.show_bundle(context.scene, Bundle.open(self._bundle_path()))
-        return f"Made {self._bundle_path().name}: {result.get('scale', '')}"
+        bundle = Bundle.open(self._bundle_path())
+        state.show_bundle(context.scene, bundle)
+        return f"Made {bundle.path.name}: {result.get('scale', '')}{show_room(context.scene, bundle)}"
 
     def _photographs(self):
         """The folder or the video that is chosen, or the folder of a photograph that is."""

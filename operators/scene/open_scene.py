@@ -3,17 +3,18 @@
 from pathlib import Path
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import BoolProperty, StringProperty
 
 from ...r2sego_blender.bundle.declaration import DECLARATION
 from ...r2sego_blender.core.errors import SceneError
 from ...r2sego_blender.results.panels.bundle import Bundle
 from .. import state
 from ..base import ReportingOperator, needs_own_scene
+from ..room_view import show_room
 
 
 class R2SEGO_OT_open_scene(ReportingOperator, bpy.types.Operator):
-    """Open a scene bundle and read what it holds"""
+    """Open a scene bundle, and show its room and its newest splats in the 3D views"""
 
     bl_idname = "r2sego.open_scene"
     bl_label = "Open Scene"
@@ -22,7 +23,10 @@ class R2SEGO_OT_open_scene(ReportingOperator, bpy.types.Operator):
     directory: StringProperty(
         name="Bundle", description="The bundle, a folder that ends in .r2s", subtype="DIR_PATH", options={"SKIP_SAVE"}
     )
-    filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN"})
+    show: BoolProperty(
+        name="Show", description="Look into the room in the 3D views, and show its newest splats", default=True
+    )
+    filter_folder: BoolProperty(default=True, options={"HIDDEN"})
 
     @classmethod
     def poll(cls, context):
@@ -38,8 +42,10 @@ class R2SEGO_OT_open_scene(ReportingOperator, bpy.types.Operator):
         if not self.directory:
             raise SceneError("no bundle is chosen", cure="Choose a folder that ends in .r2s.")
         bundle = Bundle.open(_bundle_at(Path(bpy.path.abspath(self.directory))))
+        opened_before = state.bundle_path(context.scene) == str(bundle.path)
         state.show_bundle(context.scene, bundle)
-        return f"Opened {bundle.name}"
+        failed = show_room(context.scene, bundle) if self.show and not opened_before else ""
+        return f"Opened {bundle.name}{failed}"
 
 
 def _bundle_at(chosen: Path) -> Path:

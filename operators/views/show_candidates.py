@@ -34,8 +34,10 @@ class R2SEGO_OT_show_candidates(ReportingOperator, bpy.types.Operator):
 
     def perform(self, context):
         bundle, group = state.opened_bundle(context), context.scene.r2sego_views
-        bundle.candidates(context.scene.r2sego.round_index)  # refuses before anything is changed
+        views = bundle.candidates(context.scene.r2sego.round_index)  # refuses before anything is changed
         group.colour_by, group.shown, group.frustum_size = self.colour_by, self.shown, self.frustum_size
         swarm, targets = display.show(context.scene, bundle)
         told = f"Candidates, round {context.scene.r2sego.round_index}: {len(targets)} target views"
+        photographs = len(views.selection.photographs)
+        told += f", {photographs} photographs to take" if photographs else ""
         return told + hint_if_hidden(context, swarm)

@@ -23,6 +23,9 @@ BACKENDS: Mapping[str, str] = {
 }
 """The backend of each slot of the paper; none of the defaults is a learned model."""
 
+WITH_SENSOR = {"initial_asset": "embedded: dense stereo and a depth sensor to splats"}
+"""Where a sensor measured depth beside the photographs."""
+
 
 def chosen_backends(settings: Settings) -> dict[str, str]:
     """The backends that settings choose."""

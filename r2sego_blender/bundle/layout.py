@@ -9,6 +9,9 @@ from pathlib import Path
 
 CAPTURES = "captures"
 SPARSE = "captures/sparse.npz"
+SENSOR_DEPTH = "captures/depth"
+"""What a depth sensor measured of each capture, where there was one."""
+
 DEPTH = "geometry/depth"
 OBSERVED = "geometry/observed.npz"
 PLANES = "geometry/planes.npz"

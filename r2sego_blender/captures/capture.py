@@ -24,6 +24,7 @@ class Capture:
     count, if there is one. ``quarter_turns`` clockwise set the pixels as taken upright. ``gain``, factors
     of red, green and blue in linear light, bring it to the exposure of all captures; None: as it is.
     ``weight`` in (0, 1] is how much it counts in blending and training: less than 1 where it is blurred.
+    ``given_lens`` is what was given where the photographs said another, which the camera has.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Capture:
     straight: bool = False
     mask_path: Path | None = None
     quarter_turns: int = 0
+    given_lens: Lens | None = None
     gain: tuple[float, float, float] | None = None
     weight: float = 1.0
 

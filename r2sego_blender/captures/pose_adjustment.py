@@ -13,10 +13,11 @@ import numpy as np
 from ..config.settings import CaptureSettings
 from ..core.cameras import Camera, rotation_angle_rad
 from ..core.progress import SILENT, Progress
+from .given_judgement import check_unit, judged
 from .importing import Imported
 from .matching.overlap import Pairs, confirming, match_all, match_guided, near_pairs
 from .solving.bundle_adjustment import adjusted, reprojection_errors
-from .sparse import USUAL_DEPTH_M, Detected, detect, triangulate_matches, usual_depth
+from .sparse import USUAL_DEPTH_M, Detected, beside_xfeat, detect, triangulate_matches, usual_depth
 from .sparse_points import SparsePoints
 
 # Matches are looked for this many standard deviations off the given epipolar lines.
@@ -35,23 +36,40 @@ def triangulate_refined(
     error falls below three quarters of theirs; poses that were solved here are always
     kept, and so are those of captures with too few tracks, with a warning. The frame and the
     scale of the given poses are kept (``bundle_adjustment.adjusted``). ``source`` says what
-    was done. Raises CaptureError as ``sparse.triangulate`` does.
+    was done. Before that lenses and single photographs are judged (``given_judgement.judged``).
+    Raises CaptureError as that and ``sparse.triangulate`` do.
     """
+    detected, plain = _matched(imported, settings, progress)
+    for lenses_too in () if imported.solved else (True, False):
+        lenses = [capture.camera for capture in imported.captures]
+        band_px = settings.max_error_px + _BAND_SIGMAS * _deviation_px(lenses, settings)
+        given, imported = imported, judged(imported, detected, plain, band_px, settings, progress, lenses_too)
+        if imported is given:
+            break
+        detected, plain = _matched(imported, settings, progress)
     captures = imported.captures
     names = [capture.name for capture in captures]
-    detected = detect(captures, settings, progress)
+    # Its mistakes agree with each other where a room repeats itself: no pose is judged by XFeat.
+    detected, wider = beside_xfeat(detected, plain, [capture.camera for capture in captures], settings, progress)
     cameras: Sequence[Camera] = [capture.camera for capture in captures]
-    plain = match_all(detected.features, settings, progress, among=near_pairs(cameras))
     if settings.refine_poses != "never" and not imported.solved:
-        cameras, told = _refined(imported, detected, plain, settings, progress)
+        cameras, told = _refined(imported, detected, wider, settings, progress)
         if told:
             progress.message(told)
             captures = tuple(replace(c, camera=at) for c, at in zip(captures, cameras, strict=True))
             imported = replace(imported, captures=captures, source=f"{imported.source}; {told}")
-    confirmed = confirming(plain, detected.features, cameras, settings.max_error_px, settings)
-    pairs = match_guided(confirmed, detected.features, cameras, names, settings, progress)
+    confirmed = confirming(wider, detected.features, cameras, settings.max_error_px, settings)
+    pairs = match_guided(confirmed, detected.features, cameras, names, settings, progress, plain)
     sparse = triangulate_matches(cameras, detected, pairs, settings.max_error_px, settings, progress)
+    check_unit(imported, sparse, progress)
     return imported, sparse
+
+
+def _matched(imported: Imported, settings: CaptureSettings, progress: Progress) -> tuple[Detected, Pairs]:
+    """The captures' features, and their matches whatever the poses."""
+    detected = detect(imported.captures, settings, progress)
+    near = near_pairs([capture.camera for capture in imported.captures])
+    return detected, match_all(detected.features, settings, progress, among=near)
 
 
 def _refined(

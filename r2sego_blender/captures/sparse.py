@@ -22,12 +22,25 @@ from ..workers.child import call_in_child
 from .capture import Capture
 from .colmap import load_pycolmap
 from .matching.features import Features, sift
-from .matching.overlap import Pairs, load_matches, match_known_poses, save_matches, write_database
+from .matching.overlap import (
+    Matched,
+    Pairs,
+    confirming,
+    load_matches,
+    match_all,
+    match_guided,
+    near_pairs,
+    save_matches,
+    write_database,
+)
+from .matching.xfeat import match_xfeat
 from .sparse_points import SparsePoints
 
 USUAL_DEPTH_M = 2.5
 """Distance from a camera to what it sees indoors, for tolerances before the scale is known."""
 
+# Two captures that share so many matches of SIFT's need no others: SIFT's are three times as exact.
+_PLENTY = 100
 # With a few wide views half of all true points are seen by two rays only a little apart.
 _MIN_TRIANGULATION_ANGLE_DEG = 1.0
 # Depth ranges: robust ends of the measured depths, and room for surfaces without features.
@@ -54,6 +67,18 @@ def detect(captures: Sequence[Capture], settings: CaptureSettings, progress: Pro
     return detected
 
 
+def beside_xfeat(
+    detected: Detected, plain: Pairs, cameras: Sequence[Camera], settings: CaptureSettings, progress: Progress = SILENT
+) -> tuple[Detected, Pairs]:
+    """The features and ``plain`` matches of SIFT, and XFeat's of near pairs that share few."""
+    few = [pair for pair in near_pairs(cameras) if len(plain.get(pair, ())) < _PLENTY]
+    further = match_xfeat(detected.images, few, settings, progress) if few and settings.matcher == "xfeat" else None
+    if further is None:
+        return detected, plain
+    features, pairs = Matched(detected.features, plain).beside(further)
+    return Detected(features, detected.images), pairs
+
+
 def triangulate(captures: Sequence[Capture], settings: CaptureSettings, progress: Progress = SILENT) -> SparsePoints:
     """Triangulate what the posed captures see in common.
 
@@ -63,7 +88,10 @@ def triangulate(captures: Sequence[Capture], settings: CaptureSettings, progress
     detected = detect(captures, settings, progress)
     cameras = [capture.camera for capture in captures]
     names = [capture.name for capture in captures]
-    pairs = match_known_poses(detected.features, cameras, names, settings, progress)
+    plain = match_all(detected.features, settings, progress, among=near_pairs(cameras))
+    detected, wider = beside_xfeat(detected, plain, cameras, settings, progress)
+    confirmed = confirming(wider, detected.features, cameras, settings.max_error_px, settings)
+    pairs = match_guided(confirmed, detected.features, cameras, names, settings, progress)
     return triangulate_matches(cameras, detected, pairs, settings.max_error_px, settings, progress)
 
 

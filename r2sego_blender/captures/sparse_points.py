@@ -5,6 +5,7 @@ The first, sparse part of the paper's fragmentary geometry ``M_obs = (P_obs, A_o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
@@ -37,6 +38,17 @@ class SparsePoints:
     def transformed(self, similarity: np.ndarray) -> SparsePoints:
         """These points after a (4, 4) similarity of the world."""
         return replace(self, points=self.points @ similarity[:3, :3].T + similarity[:3, 3])
+
+    def widest_sine(self, centres: Sequence[np.ndarray]) -> np.ndarray:
+        """(P,) sine of the widest angle between two rays that measured a point, of the captures' ``centres``."""
+        rays = self.points[:, None] - np.array(centres)
+        rays /= np.maximum(np.linalg.norm(rays, axis=2, keepdims=True), 1e-12)
+        widest = np.ones(len(self.points))
+        for index in range(len(centres)):
+            cosine = np.einsum("pnc,pc->pn", rays, rays[:, index])
+            both = self.visibility & self.visibility[:, index : index + 1]
+            widest = np.minimum(widest, np.where(both, cosine, 1.0).min(axis=1))
+        return np.sqrt(np.clip(1.0 - np.clip(widest, 0.0, 1.0) ** 2, 0.0, 1.0))
 
     def save(self, path: Path) -> None:
         """Write the arrays as an uncompressed ``.npz``."""

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 from ..bundle import layout
 from ..bundle.artifacts import Artifact
@@ -17,14 +18,21 @@ from .exposure import MOST_GAIN, Gain
 from .lenses.lens import Lens
 from .poses.colmap_model import save_colmap_model
 from .registered_views import CURE, damaged_entry, read_registered_views
+from .sensors.sensor_maps import SensorMap
 from .sparse_points import SparsePoints
 
 
-def save_captures(folder: Path, captures: Sequence[Capture], sparse: SparsePoints | None = None) -> tuple[Capture, ...]:
-    """Write world-frame captures, and their sparse points, under ``folder``.
+def save_captures(
+    folder: Path,
+    captures: Sequence[Capture],
+    sparse: SparsePoints | None = None,
+    measured: Mapping[str, SensorMap] = MappingProxyType({}),
+) -> tuple[Capture, ...]:
+    """Write world-frame captures, their sparse points and what a sensor ``measured``, under ``folder``.
 
     ``images/*.png`` (undistorted, working size, as exposed), ``cameras.json`` (docs/formats.md),
-    ``sparse.npz`` and ``sparse/`` (COLMAP text model in the world frame). Returns the
+    ``sparse.npz`` and ``sparse/`` (COLMAP text model in the world frame), ``depth/*.npz`` of those
+    captures whose names have a map. Returns the
     captures as ``load_captures`` would. The same captures give the same bytes.
     """
     (folder / "images").mkdir(parents=True, exist_ok=True)
@@ -38,6 +46,8 @@ def save_captures(folder: Path, captures: Sequence[Capture], sparse: SparsePoint
         entry = {"file": f"images/{path.name}", "name": kept.name} | kept.camera.to_json()
         if kept.lens is not None:
             entry["photograph_lens"] = kept.lens.to_json()
+        if kept.given_lens is not None:
+            entry["given_lens"] = kept.given_lens.to_json()
         if kept.quarter_turns:
             entry["photograph_turns"] = kept.quarter_turns
         if kept.gain is not None:
@@ -50,6 +60,12 @@ def save_captures(folder: Path, captures: Sequence[Capture], sparse: SparsePoint
     save_colmap_model(folder / "sparse", stored, sparse)
     if sparse is not None:
         sparse.save(folder / "sparse.npz")
+    if measured:
+        place = folder / Path(layout.SENSOR_DEPTH).name
+        place.mkdir(exist_ok=True)
+        for capture, file in zip(stored, layout.capture_files([c.name for c in stored]), strict=True):
+            if capture.name in measured:
+                measured[capture.name].save(place / file)
     return tuple(stored)
 
 
@@ -62,7 +78,9 @@ def load_captures(folder: Path) -> tuple[Capture, ...]:
     for index, view in enumerate(read_registered_views(folder)):
         entry = view.entry
         try:
-            lens = Lens.from_json(entry["photograph_lens"]) if "photograph_lens" in entry else None
+            lens, given = (
+                Lens.from_json(entry[key]) if key in entry else None for key in ("photograph_lens", "given_lens")
+            )
             turns = int(entry.get("photograph_turns", 0))
             if turns not in range(4):
                 raise ValueError(f"it is turned {turns} times")
@@ -76,7 +94,17 @@ def load_captures(folder: Path) -> tuple[Capture, ...]:
         if not is_there:
             raise CaptureError("the capture's image is missing", where=view.image_path, cure=CURE)
         captures.append(
-            Capture(view.name, view.image_path, view.camera, lens, lens is not None, None, turns, gain, weight)
+            Capture(
+                view.name,
+                view.image_path,
+                view.camera,
+                lens,
+                lens is not None,
+                quarter_turns=turns,
+                given_lens=given,
+                gain=gain,
+                weight=weight,
+            )
         )
     return tuple(captures)
 

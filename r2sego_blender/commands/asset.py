@@ -42,7 +42,7 @@ def render(source: Path, cameras: Path, folder: Path, stage: str, passes: tuple[
     from ..results.renderings import asset_and_cameras
     from ..splats.rendering.pictures import save_pictures
 
-    asset, seen_from = asset_and_cameras(source, cameras, stage)
+    asset, seen_from = asset_and_cameras(source, cameras, stage, output.progress)
     started = time.monotonic()
     passes = tuple(dict.fromkeys(passes)) or ("colour",)
     files = list(map(str, save_pictures(asset, seen_from, folder, passes, output.progress)))

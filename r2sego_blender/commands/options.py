@@ -131,7 +131,11 @@ def scale_options(command: Callable) -> Callable:
         click.option(
             "--depth",
             type=FOLDER,
-            help="Scale: depth maps called as the photographs are: 16-bit PNG in mm, or EXR, NPY in metres.",
+            help="Depth maps of a sensor, called as the photographs are: 16-bit PNG in mm, or EXR, NPY in metres. "
+            "They tell the scale and count as geometry.",
+        ),
+        click.option(
+            "--depth-unit", type=float, metavar="METRES", help="Unit of depth maps of whole numbers.  [default: 0.001]"
         ),
     )
     for option in reversed(options):
@@ -144,6 +148,7 @@ def scale_of(
     marker_side: float | None,
     camera_height: str | None,
     depth: Path | None,
+    depth_unit: float | None,
     robot: str,
     scope: str,
     command: str,
@@ -154,10 +159,14 @@ def scale_of(
     given = [option for option in (known_length, marker_side, camera_height, depth) if option is not None]
     if len(given) > 1:
         raise SettingsError("the scale is given twice", where=f"r2sego {command}", cure="Give one of the options.")
+    if depth_unit is not None and depth is None:
+        raise SettingsError(
+            "a unit without depth maps", where=f"r2sego {command}, --depth-unit", cure="Give --depth FOLDER too."
+        )
     if marker_side is not None:
         return Scale.marker(marker_side)
     if depth is not None:
-        return Scale.depth(depth)
+        return Scale.depth(depth) if depth_unit is None else Scale.depth(depth, depth_unit)
     if camera_height == "robot":
         from ..refine.behaviour import DeclaredBehaviour
         from ..robot.scope.scope import BehaviourScope

@@ -36,7 +36,7 @@ from .options import ANY_PATH, Output, output_options, overrides_of, scale_of, s
 @click.option(
     "--poses",
     type=ANY_PATH,
-    help="transforms.json, cameras.json, a COLMAP folder or Polycam's raw export; else they are solved.",
+    help="transforms.json, cameras.json (3DGS's too), a COLMAP folder or Polycam's raw export; else they are solved.",
 )
 @click.option(
     "--robot",

@@ -17,8 +17,8 @@ from .options import ANY_PATH, Output, output_options, overrides_of, settings_op
 @click.option(
     "--poses",
     type=ANY_PATH,
-    help="transforms.json, cameras.json, a COLMAP folder or Polycam's raw export; by default what CAPTURES "
-    "holds, else solved.",
+    help="transforms.json, cameras.json (3DGS's too), a COLMAP folder or Polycam's raw export; by default what "
+    "CAPTURES holds, else solved.",
 )
 @click.option("--points", type=ANY_PATH, help="PLY to start from; else those of the poses, or triangulated.")
 @click.option("--steps", type=int, help="Short for --set training.steps_per_round=N.")
@@ -67,9 +67,10 @@ def convert(source: Path, target: Path) -> None:
 
     Of .ply SuperSplat's compressed one is read too.
     """
+    from ..core.progress import TerminalProgress
     from ..splats.formats.registry import format_of, load_asset, save_asset
 
-    asset = load_asset(source)
+    asset = load_asset(source, TerminalProgress())
     save_asset(target, asset)
     degree = min(asset.degree, format_of(target).degree)
     click.echo(f"{target}: {len(asset)} Gaussians of degree {degree}")

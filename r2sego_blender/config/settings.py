@@ -19,6 +19,12 @@ class CaptureSettings:
     """Import and registration of the photographs."""
 
     max_side_px: int = setting(640, "Photographs are scaled down to this longest side.", 64, 8192)
+    matcher: str = setting(
+        "xfeat",
+        "How photographs are matched: with XFeat beside SIFT where SIFT finds little, or with SIFT alone.",
+        choices=("xfeat", "sift"),
+        added=True,
+    )
     max_features: int = setting(8000, "SIFT features a photograph.", 500, 50000)
     min_matches: int = setting(15, "Matches two photographs need to count as overlapping.", 8, 1000)
     match_ratio: float = setting(0.75, "A match's distance over that of the second best.", 0.3, 0.99)

@@ -21,6 +21,7 @@ from ..captures.frame.picks import Picks
 from ..captures.frame.picks_fit import PicksFit, fit_picks
 from ..captures.frame.scale import Scale
 from ..captures.frame.world_frame import Registration, corrected
+from ..captures.sensors.sensor_maps import SENSOR_DEPTH
 from ..captures.sparse_points import SPARSE, SparsePoints
 from ..captures.store import CAPTURES, save_captures
 from ..core.digests import content_digest
@@ -164,7 +165,10 @@ def _moved(
             # What others keep there, such as masks, does not depend on the frame.
             shutil.copytree(scene.captures_folder, folder, dirs_exist_ok=True)
             moved = [capture.transformed(similarity) for capture in captures]
-            save_captures(folder, moved, sparse.transformed(similarity))
+            measured = scene.read(SENSOR_DEPTH)
+            found = {capture.name: measured.found(captures, index) for index, capture in enumerate(captures)}
+            of_sensor = {name: one.transformed(similarity) for name, one in found.items() if one is not None}
+            save_captures(folder, moved, sparse.transformed(similarity), of_sensor)
         for edited in layout.EDITED:
             if (scene.path / edited).is_dir():
                 shutil.copytree(scene.path / edited, new.path / edited)

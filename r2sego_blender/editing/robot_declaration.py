@@ -23,9 +23,12 @@ from ..robot.behaviours.sit_on import ANY_SEAT
 from ..robot.behaviours.trajectory import Seat
 from ..robot.controllers.controller import check_controller
 from ..robot.model.model import RobotModel
+from ..robot.model.model_camera import eyes
 from ..robot.model.robot_file import EMBEDDED_HUMANOID, EMBEDDED_WHEELED
+from ..robot.motion.motion_facts import motion_facts, motion_line
 from ..robot.planning.free_floor import free_floor
 from ..robot.planning.seats import TARGET_M, find_seats
+from ..robot.rollouts.assumptions import bounded_links_line
 from ..robot.scope.region import area_m2
 from ..robot.scope.scope import BehaviourScope, shipped_scopes
 from ..robot.scope.scope_file import changed_scope, save_scope
@@ -120,7 +123,7 @@ def describe_robot(scene: Scene, seats: bool = False) -> dict[str, Any]:
         "mass_kg": float(robot.model.body_mass.sum()),
         "height_m": robot.height_m,
         "reach_m": robot.radius_m,
-        "cameras": [robot.model.camera(index).name for index in range(robot.model.ncam)],
+        "cameras": eyes(robot.model),
         "camera": {
             "parent": robot.mount.parent,
             "height_m": robot.eye_height_m,
@@ -138,6 +141,8 @@ def describe_robot(scene: Scene, seats: bool = False) -> dict[str, Any]:
         "duration_s": scope.episode.duration_s,
         "camera_rate_hz": scope.episode.camera_rate_hz,
         "objects": list(_object_names(scene)),
+        "bounded_links": list(robot.bounded_links),
+        "motions": [motion_facts(path) for path in scope.controller.motions if scope.controller.kind == "replay"],
     }
     if seats:
         try:
@@ -169,6 +174,7 @@ def lines(described: dict[str, Any]) -> list[str]:
         f"camera: on {camera['parent']}, {camera['height_m']:.2f} m high, {pitch}, {fov}",
         f"scope: {d['scope']} ({behaviours}) within {region}; controller: {d['controller']}",
     ]
+    text += filter(None, [bounded_links_line(d["bounded_links"]), *map(motion_line, d["motions"])])
     if d["target"] is not None:
         text.append(f"sits on: {d['target']}")
     for seat in d.get("seats", ()):

@@ -16,6 +16,7 @@ from ..geometry.objects.prior_files import PRIORS
 from ..geometry.proxy.proxy import PROXY
 from ..refine.behaviour import DeclaredBehaviour
 from ..robot.planning.free_floor import free_floor
+from ..robot.rollouts.assumptions import tell_assumptions
 from ..robot.rollouts.attempts import Attempts, in_order
 from ..robot.rollouts.bodies import save_bodies
 from ..robot.rollouts.rollout import Rollout, save_rollouts
@@ -56,6 +57,7 @@ def try_rollouts(scene: Scene, attempts: int, progress: Progress = SILENT) -> tu
         behaviour, captures = DeclaredBehaviour.of(scene), scene.read(CAPTURES)
         proxy = scene.read(PROXY.of_round(surface.round_index))
         robot, placed = behaviour.model, behaviour.placed(captures, proxy, scene.read(PRIORS))
+        tell_assumptions(robot, placed, progress)
         floor = free_floor(robot, placed, surface.collision_mjcf)
         seed = settings.seed * 1000 + surface.round_index
         tried = in_order(

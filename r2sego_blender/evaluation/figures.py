@@ -18,6 +18,7 @@ BACKGROUND = (0.965, 0.957, 0.941)
 CAPTURE_INK = (40, 62, 92)
 CANDIDATE_INK = (120, 116, 108)
 CHOSEN_INK = (196, 64, 38)
+TO_TAKE_INK = (34, 128, 74)
 
 _CAMERA_HEIGHT_M = 200.0
 """A camera so far above has rays that are parallel to within 1.5 degrees over a room."""
@@ -97,8 +98,15 @@ def top_view(proxy: GeometryProxy, width_px: int = 960) -> TopView:
     return TopView(resize(image.astype(np.float32), camera.width, camera.height), camera)
 
 
-def camera_map(plan: TopView, captures: Sequence[Camera], candidates: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """The ``plan``, faded, with the captures' frusta, every candidate position and the target views' frusta.
+def camera_map(
+    plan: TopView,
+    captures: Sequence[Camera],
+    candidates: np.ndarray,
+    chosen: np.ndarray,
+    to_take: Sequence[Camera] = (),
+) -> np.ndarray:
+    """The ``plan``, faded, with the captures' frusta, every candidate position, the target views' frusta
+    and those of photographs to take.
 
     ``candidates`` (M, 4, 4) world_from_camera; ``chosen`` (<= M,) indices into them. Returns
     (H, W, 3) float32.
@@ -114,6 +122,8 @@ def camera_map(plan: TopView, captures: Sequence[Camera], candidates: np.ndarray
         _frustum(draw, large, np.asarray(candidates[index]), 0.35, CHOSEN_INK)
     for camera in captures:
         _frustum(draw, large, camera.world_from_camera, 0.5, CAPTURE_INK)
+    for camera in to_take:
+        _frustum(draw, large, camera.world_from_camera, 0.7, TO_TAKE_INK)
     drawn = np.asarray(canvas, np.float32) / 255.0
     return resize(drawn, plan.camera.width, plan.camera.height)
 

@@ -113,7 +113,9 @@ def frozen_views(scene: Scene, frozen: Path, progress: Progress = SILENT) -> tup
         sparse = scene.read(SPARSE)
         return locate_views(frozen, captures, sparse, h.captures, depths=depths, seed=h.seed, progress=progress)
     world_from_capture = np.array(scene.declaration.world_from_capture)
-    return tuple(view.transformed(world_from_capture) for view in load_frozen_views(frozen))
+    return tuple(
+        view.transformed(world_from_capture) for view in load_frozen_views(frozen, captures=scene.read(CAPTURES))
+    )
 
 
 def _seen_in_training(scene: Scene, views: Sequence[Capture]) -> list[str]:

@@ -155,7 +155,9 @@ def _round(scene: Scene, index: int) -> Round:
         ),
         targets=tuple(_target(view, selection, captures) for view in views),
         proxy_picture=plan.image,
-        camera_map=camera_map(plan, [c.camera for c in captures], poses, selection.targets),
+        camera_map=camera_map(
+            plan, [c.camera for c in captures], poses, selection.targets, [one.camera for one in selection.photographs]
+        ),
         note=selection.note,
     )
 

@@ -21,6 +21,7 @@ from ..core.errors import CaptureError, GenerationError
 from ..core.images import load_image, save_image, to_uint8
 from ..core.json_files import read_json, write_json
 from ..core.progress import SILENT, Progress
+from ..views.photographs import places
 from ..views.selection import Selection
 from .conditions.condition_files import save_conditions
 from .conditions.conditions import Condition, Renderer
@@ -115,8 +116,9 @@ def ego_video_reg(
             else:
                 progress.message(f"target view of rank {rank + 1}, {reason}")
     if accepted < wanted:
+        lacking = f"; photographs that would show more: {places(selection.photographs)}" * bool(selection.photographs)
         progress.message(
-            f"{accepted} of {wanted} target views could be generated and registered, no other is left to try",
+            f"{accepted} of {wanted} target views could be generated and registered, no other is left to try{lacking}",
             level="warning",
         )
     return load_pseudo_observations(folder)

@@ -17,6 +17,7 @@ from ..bundle.artifacts import Artifact, Held, file_at
 from ..bundle.runner import Runner
 from ..captures.capture import Capture
 from ..captures.per_capture import PerCapture, by_file
+from ..captures.sensors.sensor_maps import SENSOR_DEPTH, SensorMap
 from ..captures.sparse import depth_ranges
 from ..captures.sparse_points import SPARSE, SparsePoints
 from ..captures.store import CAPTURES
@@ -31,6 +32,7 @@ from ..geometry.room.bounds import with_missing_bounds
 from ..geometry.room.completed_depth import COMPLETED, CompletedDepth
 from ..geometry.room.completion import complete_depth
 from ..geometry.room.planes import PLANES, RoomPlanes, find_planes
+from ..geometry.stereo.measured_depth import with_sensor
 from ..geometry.stereo.observed import observe
 from ..geometry.stereo.observed_geometry import OBSERVED, ObservedGeometry
 from ..geometry.stereo.stereo import DEPTH, DepthMap, dense_stereo
@@ -79,12 +81,13 @@ class CaptureSteps:
     until: str = ""
 
     def register_inputs(self) -> tuple[RegisteredCaptures, Artifact[SplatAsset]]:
-        """The captures in the world frame, and A_0: their dense stereo lifted to splats.
+        """The captures in the world frame, and A_0: their dense stereo, and what a depth sensor
+        measured, lifted to splats.
 
         Where several captures see a surface, the one that sees it finest gives the splat.
         """
 
-        def stereo(captures: Captures, sparse: SparsePoints) -> dict[str, DepthMap]:
+        def stereo(captures: Captures, sparse: SparsePoints, *sensor: PerCapture[SensorMap]) -> dict[str, DepthMap]:
             maps = dense_stereo(
                 captures,
                 depth_ranges(captures, sparse),
@@ -94,18 +97,23 @@ class CaptureSteps:
                 self.progress,
                 visibility=sparse.visibility,
             )
+            for measured in sensor:
+                found = [measured.found(captures, index) for index in range(len(captures))]
+                maps = with_sensor(maps, captures, found, self.h.stereo)
             return by_file(captures, maps)
 
         def lift(captures: Captures, depth: PerCapture[DepthMap]) -> SplatAsset:
             return merge_views(self._lifted(captures, reliable_depths(captures, depth, self.h.stereo)))
 
+        sensor = [SENSOR_DEPTH] if (self.runner.scene.path / SENSOR_DEPTH.name).is_dir() else []
         depth = self._make(
             DEPTH,
             stereo,
             CAPTURES,
             SPARSE,
+            *sensor,
             settings=[self.h.stereo, self.h.seed],
-            fits=lambda maps, captures, _: maps.of(captures),
+            fits=lambda maps, captures, *_: maps.of(captures),
         )
         asset = self._make(
             INITIAL_ASSET,

@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
+from ..bundle.backends import BACKENDS, WITH_SENSOR
 from ..bundle.creating import create_bundle, require_place
 from ..bundle.declaration import Declaration
 from ..bundle.layout import GROUND_PICTURES
@@ -13,6 +16,7 @@ from ..bundle.scene import Scene
 from ..captures.blur import relative_sharpness, weights_of
 from ..captures.capture import Capture
 from ..captures.exposure import exposure_gains_of
+from ..captures.frame.depth_scale import depth_scale
 from ..captures.frame.ground_picture import save_ground_pictures
 from ..captures.frame.lifting import in_photograph
 from ..captures.frame.scale import KNOWN_LENGTH, Scale, require_marker
@@ -23,7 +27,9 @@ from ..captures.masks import FOLDER as MASKS
 from ..captures.pose_adjustment import triangulate_refined
 from ..captures.poses.dropped_files import VIDEOS
 from ..captures.poses.registry import find_export
+from ..captures.sensors.measuring import measured_depth
 from ..captures.sensors.sensor_depth import SensorDepth
+from ..captures.sensors.sensor_maps import SensorMap
 from ..captures.sparse_points import SparsePoints
 from ..captures.store import save_captures
 from ..config.settings import CaptureSettings
@@ -109,6 +115,8 @@ def _create_scene(
     imported = replace(imported, captures=_evened(imported.captures, sparse, settings, progress))
     registration = register(imported, sparse, scale, settings, progress)
     world_from_capture = registration.world_from_capture
+    in_world, sparse_in_world = registration.captures(imported.captures), registration.sparse(sparse)
+    measured = _measured(in_world, sparse_in_world, scale, imported.depth, progress)
     declaration = Declaration(
         captures_source=f"{imported.source}, frames of {video}" if video else imported.source,
         captures_chosen=chosen,
@@ -117,13 +125,12 @@ def _create_scene(
         scale_source=registration.scale_source,
         robot=robot,
         scope=scope,
+        backends={**BACKENDS, **(WITH_SENSOR if measured else {})},
     )
 
     def fill(folder: Path) -> None:
         (folder / "captures").mkdir()
-        stored = save_captures(
-            folder / "captures", registration.captures(imported.captures), registration.sparse(sparse)
-        )
+        stored = save_captures(folder / "captures", in_world, sparse_in_world, measured)
         save_ground_pictures(folder / GROUND_PICTURES, stored)
 
     return create_bundle(path, declaration, fill)
@@ -147,10 +154,38 @@ def _evened(
     )
 
 
+def _measured(
+    captures: Sequence[Capture],
+    sparse: SparsePoints,
+    scale: Scale,
+    beside_poses: SensorDepth | None,
+    progress: Progress,
+) -> dict[str, SensorMap]:
+    """What a depth sensor measured of the captures, where one is given or lies beside their poses.
+
+    Its maps count in the world's metres, whatever told these: both are made to agree. Where that cannot be
+    said, the maps are not used.
+    """
+    depth = beside_poses
+    if scale.kind == "depth" and scale.folder is not None:
+        depth = scale.sensor_depth(beside_poses)
+    if depth is None:
+        return {}
+    try:
+        found = depth_scale(captures, sparse, depth)
+    except CaptureError as error:
+        progress.message(f"the sensor's depth is not used: {error.what}", level="warning")
+        return {}
+    maps = measured_depth(captures, sparse, depth, found.metres_per_unit, progress)
+    share = float(np.mean([(one.depth > 0.0).mean() for one in maps.values()]))
+    progress.message(f"depth of a sensor in {len(maps)} of {len(captures)} captures, for {share:.0%} of their pixels")
+    return maps
+
+
 def _look_over(scale: Scale, folder: Path, solved: bool) -> None:
     """Raise CaptureError where ``scale`` names what is not there: solving poses takes minutes."""
     if scale.kind == "depth" and scale.folder is not None:
-        SensorDepth.beside(scale.folder)
+        SensorDepth.beside(scale.folder, scale.unit_m)
     if scale.kind == "marker" and solved:
         require_marker(image_files(folder), scale)
     if scale.kind == "known_length" and solved:

@@ -17,6 +17,7 @@ from ..captures.frozen import load_frozen_views
 from ..captures.importing import Imported, import_captures
 from ..captures.masks import counted_pixels, with_masks_beside
 from ..captures.poses import json_fields
+from ..captures.poses.formats.cameras_json import FORMAT as CAMERAS_JSON
 from ..captures.poses.photographs import ANY_SIZE_PX, posed_captures
 from ..captures.poses.ply_points import read_ply_points
 from ..captures.poses.registry import FORMATS, find_poses, only_one, poses_beside
@@ -106,7 +107,7 @@ def prepare(
 
 def holds_poses(path: Path) -> bool:
     """Whether it is a folder or a pose file, as training takes them; a cameras.json is of views."""
-    return path.is_dir() or any(record.find(path) for record in FORMATS if record.key != "captures")
+    return path.is_dir() or any(record.find(path) for record in FORMATS if record is not CAMERAS_JSON)
 
 
 def cameras_of_poses(captures: Path) -> dict[str, Camera]:
@@ -181,10 +182,10 @@ def _outside_masks(sparse: SparsePoints, images: Sequence[Capture]) -> np.ndarra
 
 
 def _views_of(frozen: Path) -> tuple[Capture, ...]:
-    """The held-out views of a cameras.json, or all those of a transforms.json."""
+    """The held-out views of a cameras.json, or those of a transforms.json, which may be all."""
     if "frames" not in json_fields.read_json(frozen):
         return load_frozen_views(frozen)
-    photographs, _ = read_transforms_json(frozen, frozen.parent)
+    photographs, _ = read_transforms_json(frozen, frozen.parent, held_out=True)
     return posed_captures(photographs, ANY_SIZE_PX)
 
 

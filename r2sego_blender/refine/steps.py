@@ -27,6 +27,7 @@ from ..generation.ego_views import VIEWS, PseudoObservation, ego_video_reg
 from ..generation.generators.registry import installation_of, open_generator
 from ..generation.generators.slot import ClipInputs
 from ..generation.paths.detours import ClearSpace
+from ..generation.registration.frame_registration import hopeless
 from ..generation.registration.landmarks import Landmarks
 from ..geometry.collision.collision import CollisionSurface, collision_surface
 from ..geometry.collision.collision_files import COLLISION, REFINED_COLLISION
@@ -167,19 +168,34 @@ class Steps(CaptureSteps):
         self,
         l: int,
         captures: RegisteredCaptures,
+        priors: AlignedPriors,
         candidates: Artifact[tuple[Rollout, ...]],
         proxy: Artifact[GeometryProxy],
         asset: Artifact[SplatAsset],
     ) -> Artifact[SelectedViews]:
         """V^l, Eq. 2: deficit times availability, temporal NMS and Top-K, with every reason, and
-        the targets' references i(v): line 9 is done here, for the best ranked alone."""
+        the targets' references i(v): line 9 is done here, for the best ranked alone.
+
+        A candidate at which no frame could be registered to the captures, however good, is no target.
+        """
         behaviour = self._behaviour
 
         def allocate(
-            captures: Captures, rollouts: Sequence[Rollout], proxy: GeometryProxy, asset: SplatAsset
+            captures: Captures,
+            depth: PerCapture[DepthMap],
+            completed: PerCapture[CompletedDepth],
+            rollouts: Sequence[Rollout],
+            proxy: GeometryProxy,
+            asset: SplatAsset,
         ) -> SelectedViews:
             stream = candidate_stream(rollouts, behaviour.scope.episode.max_turn_deg_s)
             eye = behaviour.ego_camera(captures)
+            landmarks = Landmarks.build(
+                captures,
+                reliable_depths(captures, depth, self.h.stereo),
+                completed_depths(captures, completed),
+                self.progress,
+            )
             selection = allocate_views(
                 stream,
                 eye,
@@ -190,6 +206,7 @@ class Steps(CaptureSteps):
                 [self._seed_of(l), 1],
                 self.h.generation.max_replacements,
                 self.progress,
+                lambda view, reference: hopeless(view, reference, landmarks, self.h.registration),
             )
             return SelectedViews(selection, [eye.at(pose) for pose in stream.poses])
 
@@ -197,11 +214,15 @@ class Steps(CaptureSteps):
             SELECTION.of_round(l),
             allocate,
             captures.photographs,
+            captures.depth,
+            priors.completed,
             candidates,
             proxy,
             asset,
             settings=[
                 self.h.selection,
+                self.h.stereo,
+                self.h.registration,
                 self._seed_of(l),
                 self.h.generation.max_replacements,
                 behaviour.robot,

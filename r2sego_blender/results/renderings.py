@@ -8,6 +8,7 @@ from ..bundle.asset_stages import FINAL, stage_named
 from ..bundle.scene import Scene
 from ..bundle.stale import require_present_frame
 from ..core.cameras import Camera
+from ..core.progress import SILENT, Progress
 from ..refine.splat_start import cameras_of_poses, holds_poses
 from ..splats.artifacts import load_stage
 from ..splats.asset import SplatAsset
@@ -15,7 +16,9 @@ from ..splats.formats.registry import load_asset
 from ..splats.rendering.pictures import load_cameras
 
 
-def asset_and_cameras(source: Path, cameras: Path, stage: str = FINAL) -> tuple[SplatAsset, dict[str, Camera]]:
+def asset_and_cameras(
+    source: Path, cameras: Path, stage: str = FINAL, progress: Progress = SILENT
+) -> tuple[SplatAsset, dict[str, Camera]]:
     """The asset of a scene at a stage, or of a splat file, and the cameras in a file, by their names.
 
     Of a splat file the cameras may also be the poses of what it was trained on: a scene's world is another
@@ -24,7 +27,7 @@ def asset_and_cameras(source: Path, cameras: Path, stage: str = FINAL) -> tuple[
     """
     if not source.is_dir():
         seen_from = cameras_of_poses(cameras) if holds_poses(cameras) else load_cameras(cameras)
-        return load_asset(source), seen_from
+        return load_asset(source, progress), seen_from
     seen_from = load_cameras(cameras)
     scene = Scene.open(source)
     found = stage_named(scene, stage)

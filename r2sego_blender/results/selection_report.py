@@ -16,8 +16,8 @@ def describe_selection(scene: Scene, round_index: int, explain: bool = False) ->
     """A round's selection, JSON-ready. Raises GenerationError where there is none of the scene's captures.
 
     ``targets`` are the target views, best first, each with its reference's name and what
-    the captures see of it, the greatest share first. With ``explain`` the ``candidates`` are
-    there too, rollout by rollout. A share is from 0 to 1.
+    the captures see of it, the greatest share first; ``photographs`` are those to take next.
+    With ``explain`` the ``candidates`` are there too, rollout by rollout. A share is from 0 to 1.
     """
     selection = scene.read(SELECTION.of_round(round_index)).selection
     names = [capture.name for capture in scene.read(CAPTURES)]
@@ -41,6 +41,7 @@ def describe_selection(scene: Scene, round_index: int, explain: bool = False) ->
         "mean_deficit": float(selection.deficit.mean()),
         "mean_availability": float(selection.availability.mean()),
         "note": selection.note,
+        "photographs": [one.to_json() for one in selection.photographs],
         "targets": [candidates[index] for index in selection.targets],
     }
     if explain:

@@ -7,9 +7,10 @@ candidates into one keyframe, and the Top-K keyframes become the round's target 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ from ..core.errors import GenerationError
 from ..core.json_files import opened_json, write_json
 from ..core.printable import printable
 from ..core.progress import SILENT, Progress
+from .photographs import PhotographToTake
 
 _ARRAYS = (
     "rollout",
@@ -42,6 +44,7 @@ _MOST = 1.0 + 1e-6
 
 
 _MOST_VIEWS = 1_000_000
+_MOST_PHOTOGRAPHS = 100
 
 
 @dataclass(frozen=True)
@@ -55,8 +58,9 @@ class Selection:
     target views. ``reference`` int64 is the capture i(v), and ``overlaps`` (M, N) float64
     what of the view each of the N captures sees; -1 and 0 where they were not asked for.
     ``reason`` says it in words; ``budget`` is K; ``note`` is empty, or says why fewer than
-    K target views were chosen; ``ablations`` names the settings that leave a part of the
-    method out.
+    K target views were chosen, or others than the best; ``ablations`` names the settings that
+    leave a part of the method out. ``photographs`` are those that a person had better take next,
+    best first.
     """
 
     rollout: np.ndarray
@@ -73,6 +77,7 @@ class Selection:
     budget: int
     note: str
     ablations: tuple[str, ...] = ()
+    photographs: tuple[PhotographToTake, ...] = ()
 
     @property
     def ranked(self) -> np.ndarray:
@@ -98,6 +103,8 @@ class Selection:
             "targets": [self.described(index) for index in self.targets],
             "reasons": list(self.reason),
         }
+        if self.photographs:
+            words["photographs"] = [one.to_json() for one in self.photographs]
         write_json(folder / "selection.json", words)
 
     @staticmethod
@@ -107,6 +114,7 @@ class Selection:
         with opened_json(folder / "selection.json", GenerationError, what) as words:
             *reason, note = _shown([*words["reasons"], words["note"]])
             ablations = _shown(words["ablations"])
+            photographs = tuple(map(PhotographToTake.from_json, words.get("photographs", [])[:_MOST_PHOTOGRAPHS]))
             budget = int(words["budget"])
             if not 0 <= budget <= _MOST_VIEWS:
                 raise ValueError(f"a budget of {budget}")
@@ -121,7 +129,9 @@ class Selection:
                 where=folder,
                 cure="Run `r2sego refine` again.",
             )
-        return Selection(**arrays, reason=tuple(reason), budget=budget, note=note, ablations=ablations)
+        return Selection(
+            **arrays, reason=tuple(reason), budget=budget, note=note, ablations=ablations, photographs=photographs
+        )
 
     def described(self, index: int) -> dict[str, object]:
         """A candidate's entries, JSON-ready."""
@@ -242,11 +252,13 @@ def select_targets(
     settings: SelectionSettings,
     progress: Progress = SILENT,
     rng: np.random.Generator | None = None,
+    refused: Mapping[int, str] = MappingProxyType({}),
 ) -> Selection:
     """Eq. 2: score, temporal non-maximum suppression and Top-K; all inputs are (M,).
 
     A survivor is eligible when its score is above zero; equal scores rank by rollout and
-    frame. When fewer than K are eligible, all of them are chosen and ``note`` says so.
+    frame. The ``refused`` candidates, each with its reason, are left out before suppression.
+    When fewer than K are eligible, all of them are chosen and ``note`` says so.
     The candidates may come in any order. With ``settings.ranking`` "random" a number that
     ``rng`` draws for each candidate stands in for the score, and all survivors are eligible.
     Raises ValueError for candidates named twice or scores that are not finite.
@@ -263,8 +275,12 @@ def select_targets(
         raise ValueError("a rollout's frame must stand once among the candidates")
     at_random = settings.ranking == "random"
     priority = _drawn(stream, rng) if at_random else score
-    suppressor = temporal_nms(priority, rollout, frame, settings.nms_window)
-    survived = suppressor == np.arange(len(score))
+    out = np.zeros(len(score), bool)
+    out[list(refused)] = True
+    suppressor = np.arange(len(score))
+    left = np.flatnonzero(~out)
+    suppressor[left] = left[temporal_nms(priority[left], rollout[left], frame[left], settings.nms_window)]
+    survived = ~out & (suppressor == np.arange(len(score)))
     eligible = survived & (at_random | (score > 0.0))
     order = stream[np.argsort(-priority[stream], kind="stable")]
     order = order[eligible[order]]
@@ -280,7 +296,9 @@ def select_targets(
         note += "" if at_random else f" and {len(order)} of these score above zero"
         progress.message(note, level="warning")
     reason = tuple(
-        _reason(index, deficit, availability, priority, suppressor, frame, rank, settings)
+        f"refused: {refused[index]}"
+        if index in refused
+        else _reason(index, deficit, availability, priority, suppressor, frame, rank, settings)
         for index in range(len(score))
     )
     return Selection(

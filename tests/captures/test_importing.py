@@ -290,7 +290,7 @@ def _valid(tmp_path, rng, blank_photograph):
         (lambda d: d.update(distortion_model="glass"), "'glass', not one of opencv"),
         (lambda d: d.update(captures={}), "not a list"),
         (lambda d: d.update(metric="yes"), "neither true nor false"),
-        (lambda d: d.pop("captures"), "neither 'captures' nor 'frames'"),
+        (lambda d: d.pop("captures"), "no kind of poses"),
     ],
 )
 def test_what_is_wrong_with_a_cameras_json_is_said(tmp_path, rng, blank_photograph, spoil, message):

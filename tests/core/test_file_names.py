@@ -2,7 +2,7 @@
 
 import pytest
 
-from r2sego_blender.core.file_names import plain_name
+from r2sego_blender.core.file_names import caseless, plain_name
 
 
 @pytest.mark.parametrize(
@@ -20,3 +20,8 @@ from r2sego_blender.core.file_names import plain_name
 )
 def test_a_name_is_a_folders_on_every_system(given, plain):
     assert plain_name(given) == plain
+
+
+@pytest.mark.parametrize("other", ["KÜCHE ẞ.JPG", "küche ß.jpg", "Ku\u0308che SS.jpg", "KU\u0308CHE \u017fs.jpg"])
+def test_names_that_look_the_same_are_the_same_without_case(other):
+    assert caseless("Küche ß.jpg") == caseless(other) != caseless("Kuche ss.jpg")

@@ -20,8 +20,9 @@ from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.frame.floor_points import FloorPoint
 from r2sego_blender.captures.frame.picks import PickedLength, Picks
 from r2sego_blender.captures.frame.scale import Scale
-from r2sego_blender.captures.sparse_points import SparsePoints
-from r2sego_blender.captures.store import load_captures
+from r2sego_blender.captures.sensors.sensor_maps import SENSOR_DEPTH, SensorMap
+from r2sego_blender.captures.sparse_points import SPARSE, SparsePoints
+from r2sego_blender.captures.store import load_captures, save_captures
 from r2sego_blender.core import atomic_files
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import CaptureError, GeometryError, SceneError
@@ -50,6 +51,23 @@ def test_floor_points_put_a_tilted_world_right(tmp_path, views):
     for capture, earlier in zip(load_captures(made.captures_folder), before, strict=True):
         given = np.linalg.inv(old) @ [*earlier.camera.centre, 1.0]
         assert np.abs((from_given @ given)[:3] - capture.camera.centre).max() < 1e-9
+
+
+def test_what_a_sensor_measured_goes_along_and_comes_back(tmp_path):
+    scene, turn, cameras = wrong_scene(tmp_path, wrong_similarity())
+    captures = load_captures(scene.captures_folder)
+    depth = np.full(captures[1].camera.shape, 2.0, np.float32)
+    measured = SensorMap(depth, 0.01 * depth, captures[1].camera)
+    save_captures(scene.captures_folder, captures, scene.read(SPARSE), {captures[1].name: measured})
+    before = content_digest(scene.captures_folder / "depth")
+    made = correct_registration(scene, floor=shown_points(turn, cameras))
+    moved, new = made.read(SENSOR_DEPTH).found(captures, 1), load_captures(made.captures_folder)[1].camera
+    old_from_new = np.array(scene.declaration.world_from_capture) @ np.linalg.inv(made.declaration.world_from_capture)
+    scale = 1.0 / np.cbrt(np.linalg.det(old_from_new[:3, :3]))
+    assert np.allclose(moved.depth, 2.0 * scale) and np.allclose(moved.sigma, 0.02 * scale)
+    assert np.allclose(moved.camera.world_from_camera, new.world_from_camera)
+    assert made.read(SENSOR_DEPTH).found(captures, 0) is None
+    assert content_digest(undo_correction(made).captures_folder / "depth") == before
 
 
 def test_images_and_masks_stay_as_they_are(tmp_path):

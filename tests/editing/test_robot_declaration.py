@@ -266,3 +266,27 @@ def test_without_a_surface_there_are_no_seats(scene, tmp_path):
     shutil.rmtree(scene.path / "rounds")
     with pytest.raises(R2SEgoError, match="Run Refine first"):
         describe_robot(scene, seats=True)
+
+
+def test_a_motion_s_rate_and_length_and_what_is_not_used_are_told(scene, tmp_path):
+    rest = RobotModel.load().rest_qpos
+    qpos = np.tile(rest, (61, 1))
+    np.savez(tmp_path / "declared.npz", qpos=qpos, frequency=60.0, qvel=np.zeros((61, 35)))
+    np.savez(tmp_path / "assumed.npz", joint_pos=qpos[:, 7:])
+    names = json.dumps([str(tmp_path / "declared.npz"), str(tmp_path / "assumed.npz")])
+    done = run(scene.path, "--set", "controller.kind=replay", "--set", f"controller.motions={names}")
+    first, second = (line for line in done.output.splitlines() if line.startswith("motion: "))
+    assert "declared.npz: 1.00 s at 60 Hz (frequency)" in first and "qvel" in first and "base" not in first
+    assert "assumed.npz: 2.00 s at 30 Hz" in second and "assumed" in second and "base" in second
+    told = json.loads((scene.path / "robot" / "robot.json").read_text())["motions"]
+    assert [(one["seconds"], one["rate_field"], one["base"]) for one in told] == [
+        (1.0, "frequency", "path and turn"),
+        (2.0, "", ""),
+    ]
+
+
+def test_a_robot_s_bounded_inertias_are_told(scene, tmp_path):
+    described = describe_robot(scene)
+    assert described["bounded_links"] == []
+    told = lines(described | {"bounded_links": ["lidar", "imu", "cap", "hat"]})
+    assert any("lidar, imu, cap and 1 more" in line and "balanced" in line for line in told)

@@ -74,6 +74,17 @@ def test_the_budget_of_gaussians_is_hard():
     assert len(asset) == 300
 
 
+def test_an_asset_beyond_the_budget_is_thinned_and_still_covers_what_it_did():
+    whole = grow(SplatAsset.empty(), [wall_view(0.0)], SETTINGS, np.random.default_rng(0))
+    few = dataclasses.replace(SETTINGS, max_gaussians=len(whole) // 2)
+    thin = grow(whole, [], few, np.random.default_rng(0))
+    assert len(thin) == len(whole) // 2
+    assert coverage(thin, wall_view(0.0)) > 0.75
+    areas = [np.exp(one.log_scales[:, :2].sum(axis=1)).sum() for one in (thin, whole)]
+    assert areas[0] == pytest.approx(areas[1], rel=0.1)
+    assert len(grow(whole, [], SETTINGS, np.random.default_rng(0))) == len(whole)
+
+
 def test_a_generated_frame_is_trusted_where_it_agrees_with_the_asset():
     asset = grow(SplatAsset.empty(), [wall_view(0.0)], SETTINGS, np.random.default_rng(0))
     agreeing = agreement(asset, pseudo(wall_view(0.0)))[8:-8, 8:-8]

@@ -7,6 +7,7 @@ from r2sego_blender.config.settings import SelectionSettings
 from r2sego_blender.robot.rollouts.candidates import Candidates
 from r2sego_blender.views.allocation import allocate_views
 from r2sego_blender.views.scoring.scores import support_scores
+from r2sego_blender.views.selection import Selection
 from tools.benchmarks.workloads import made_up_path, made_up_proxy, made_up_room
 
 FRAMES, ROLLOUTS = 30, 3
@@ -29,10 +30,15 @@ def room():
     return candidates, lens, workload.asset.subset(kept), made_up_proxy(3000), [path[5], path[70]]
 
 
+def told(photographs):
+    return [one.to_json() for one in photographs]
+
+
 def same(a, b):
-    return all(
+    return told(a.photographs) == told(b.photographs) and all(
         np.array_equal(value, getattr(b, name)) if isinstance(value, np.ndarray) else value == getattr(b, name)
         for name, value in vars(a).items()
+        if name != "photographs"
     )
 
 
@@ -40,7 +46,7 @@ def test_targets_are_where_the_asset_lacks_and_the_proxy_has(room):
     candidates, lens, asset, proxy, captures = room
     selection = allocate_views(candidates, lens, asset, proxy, captures, SETTINGS, spares=2)
     cameras = [lens.at(pose) for pose in candidates.poses]
-    deficit, availability = support_scores(cameras, asset, proxy, SETTINGS)
+    deficit, availability = support_scores(cameras, asset, proxy, SETTINGS, captures=captures)
     np.testing.assert_array_equal(selection.deficit, deficit)
     np.testing.assert_array_equal(selection.availability, availability)
     # What looks into the half without splats misses more than what looks the other way.
@@ -67,6 +73,59 @@ def test_the_order_of_the_candidates_does_not_matter(room):
     np.testing.assert_array_equal(order[second.targets], first.targets)
     np.testing.assert_array_equal(second.reference, first.reference[order])
     assert second.reason == tuple(first.reason[k] for k in order)
+    assert told(second.photographs) == told(first.photographs) != []
+
+
+def test_what_no_capture_saw_well_is_less_available(room):
+    candidates, lens, asset, proxy, captures = room
+    cameras = [lens.at(pose) for pose in candidates.poses]
+    (_, seen), (_, supported) = (
+        support_scores(cameras, asset, proxy, SETTINGS, captures=some) for some in (captures, [])
+    )
+    assert (seen <= supported).all()
+    assert seen.mean() < supported.mean() - 0.05
+
+
+def test_refused_candidates_give_way_to_the_next_best(room):
+    candidates, _, _, _, captures = room
+    best = allocate_views(*room, SETTINGS)
+    bad = {best.targets[0], best.targets[2]}
+    asked = []
+
+    def refusal(view, reference):
+        index = int(np.flatnonzero((candidates.poses == view.world_from_camera).all(axis=(1, 2)))[0])
+        assert any(reference is capture for capture in captures)
+        asked.append(index)
+        return "nothing is seen" if index in bad else ""
+
+    selection = allocate_views(*room, SETTINGS, refusal=refusal)
+    assert len(selection.targets) == len(best.targets) == SETTINGS.target_views
+    assert not bad & set(selection.targets.tolist())
+    assert {best.targets[1], best.targets[3]} <= set(selection.targets.tolist())
+    assert len(set(asked)) == len(asked) and set(selection.targets.tolist()) <= set(asked)
+    for index in bad:
+        assert selection.reason[index] == "refused: nothing is seen"
+        assert not selection.survived[index] and selection.rank[index] == -1
+    # Frames that a refused one suppressed may stand for it.
+    assert (np.diff(np.sort(selection.frame[selection.targets][selection.rollout[selection.targets] == 0])) > 6).all()
+
+
+def test_nothing_refused_changes_nothing(room):
+    assert same(allocate_views(*room, SETTINGS), allocate_views(*room, SETTINGS, refusal=lambda view, reference: ""))
+
+
+def test_when_all_fall_out_it_says_where_to_photograph(room, tmp_path):
+    selection = allocate_views(*room, SETTINGS, spares=24, refusal=lambda view, reference: "nothing is seen")
+    assert not len(selection.targets)
+    assert selection.photographs and "x " in selection.note
+    shares = [one.share for one in selection.photographs]
+    assert shares == sorted(shares, reverse=True) and sum(shares) <= 1.0
+    selection.save(tmp_path)
+    loaded = Selection.load(tmp_path)
+    assert loaded.note == selection.note
+    for one, again in zip(selection.photographs, loaded.photographs, strict=True):
+        assert again.share == one.share
+        np.testing.assert_allclose(again.camera.world_from_camera, one.camera.world_from_camera)
 
 
 def test_without_geometry_everything_is_available(room):

@@ -145,6 +145,7 @@ _OF_KINDS: Mapping[str, Callable[[Any], str]] = {
     "Drawn": _mesh,
     "DepthMap": _depth,
     "CompletedDepth": _depth,
+    "SensorMap": _depth,
     "RoomPlanes": _planes,
     "Rollout": _rollout,
     "RobotRecording": _recording,

@@ -129,7 +129,7 @@ def script():
     clear_view(area.spaces.active)
     region = next(region for region in area.regions if region.type == "WINDOW")
     with bpy.context.temp_override(window=hand.window(), area=area, region=region):
-        bpy.ops.r2sego.open_scene(directory=BUNDLE)
+        bpy.ops.r2sego.open_scene(directory=BUNDLE, show=False)
     bpy.context.scene.r2sego_captures.show_cloud = False
     arranging = arrange()
     while True:

@@ -7,9 +7,11 @@ from collections.abc import Iterator
 import bpy
 
 
-def views_3d() -> Iterator[bpy.types.Area]:
-    """Every 3D view of every window; none in background."""
+def views_3d(scene: bpy.types.Scene | None = None) -> Iterator[bpy.types.Area]:
+    """Every 3D view of every window, or of those that show one Blender scene."""
     for window in bpy.context.window_manager.windows:
+        if scene is not None and window.scene != scene:
+            continue
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
                 yield area

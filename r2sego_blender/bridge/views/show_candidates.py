@@ -1,25 +1,29 @@
-"""The candidate stream as frusta coloured by a score, and the target views as cameras."""
+"""The candidate stream as frusta coloured by a score, and as cameras the target views and the
+photographs that a person had better take."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import bmesh
 import bpy
 import numpy as np
 
+from ...core.cameras import Camera
 from ...results.panels.bundle import Bundle, CandidateViews
 from ...results.panels.frusta import FACES_PER_FRUSTUM, face_steps, frustum_triangles
+from ...views.photographs import PhotographToTake
 from ..shared.cameras import create_camera, object_pose, set_camera
 from ..shared.materials import plain_material, ramp_materials
 from ..shared.meshes import add_attribute, assign_materials, mesh_from_arrays, read_attribute
 from ..shared.outliner import clear, find_collection, fresh_collection, link
 from ..shared.simplified_viewport import draw_fewer_frusta, drawn_faces
 
-_CANDIDATES, _TARGETS = "Candidates", "Target views"
+_CANDIDATES, _TARGETS, _TO_TAKE = "Candidates", "Target views", "Photographs to take"
 _ACTIVE, _VIEW = "Active candidate", "Candidate view"
 _SCORE_STEPS = 8
-_TARGET_COLOUR, _ACTIVE_COLOUR = (0.90, 0.12, 0.35), (1.0, 0.45, 0.05)
+_TARGET_COLOUR, _ACTIVE_COLOUR, _TO_TAKE_COLOUR = (0.90, 0.12, 0.35), (1.0, 0.45, 0.05), (0.10, 0.62, 0.30)
 _TARGET_ENLARGEMENT, _ACTIVE_ENLARGEMENT = 2.5, 1.5
 
 
@@ -32,7 +36,7 @@ def show_candidates(
     shown: str = "all",
     colour_by: str = "s",
 ) -> tuple[bpy.types.Object, list[bpy.types.Object]]:
-    """The candidates of a round in one mesh and its targets as cameras with frusta.
+    """The candidates of a round in one mesh, its targets and the photographs to take as cameras with frusta.
 
     Frusta run from dark blue (0) to yellow (the best there is) by ``colour_by``: the score ``s``,
     the asset's deficit ``u`` or the geometry's availability ``g``; their faces carry the attributes
@@ -56,7 +60,15 @@ def show_candidates(
         link(targets, camera)
         link(targets, frustum)
         cameras.append(camera)
+    _show_photographs(scene, bundle, selection.photographs, frustum_m * _TARGET_ENLARGEMENT)
     return swarm, cameras
+
+
+def photograph_camera(scene: bpy.types.Scene, bundle_path: str | Path, number: int) -> bpy.types.Object | None:
+    """The camera of photograph to take ``number``, from 0, that ``show_candidates`` made; None for none."""
+    collection = find_collection(scene, bundle_path, _TO_TAKE)
+    found = [] if collection is None else [o for o in collection.objects if o.get("photograph") == number]
+    return found[0] if found else None
 
 
 def shown_candidates(scene: bpy.types.Scene, bundle_path: str | Path) -> bpy.types.Object | None:
@@ -117,7 +129,7 @@ def mark_candidate(
     marker = next((o for o in collection.objects if "frustum_m" in o), None) if collection else None
     size_m = frustum_m * _ACTIVE_ENLARGEMENT
     if marker is None or marker["frustum_m"] != size_m:
-        marker = _frustum_object(_ACTIVE, views, size_m, "R2S-EGO active", _ACTIVE_COLOUR)
+        marker = _frustum_object(_ACTIVE, views.camera, size_m, "R2S-EGO active", _ACTIVE_COLOUR)
         marker["frustum_m"] = size_m
         marker.show_in_front = True
         link(fresh_collection(scene, bundle_path, _ACTIVE), marker)
@@ -179,16 +191,36 @@ def _target_objects(
     camera["candidate"] = int(index)
     for key, values in _scores(views).items():
         camera[key] = float(values[index])
-    frustum = _frustum_object(f"{name} frustum", views, frustum_m, "R2S-EGO target", _TARGET_COLOUR)
+    frustum = _frustum_object(f"{name} frustum", views.camera, frustum_m, "R2S-EGO target", _TARGET_COLOUR)
     frustum.parent = camera  # moves with its camera
     return camera, frustum
 
 
+def _show_photographs(
+    scene: bpy.types.Scene, bundle: Bundle, photographs: Sequence[PhotographToTake], frustum_m: float
+) -> None:
+    """Cameras with frusta at the photographs to take; those of another selection go."""
+    if not photographs and find_collection(scene, bundle.path, _TO_TAKE) is None:
+        return
+    collection = fresh_collection(scene, bundle.path, _TO_TAKE)
+    for number, photograph in enumerate(photographs):
+        name = f"Photograph to take {number + 1}"
+        camera = create_camera(name, photograph.camera)
+        camera.data.display_size = frustum_m
+        camera["photograph"], camera["share"] = number, photograph.share
+        frustum = _frustum_object(
+            f"{name} frustum", photograph.camera, frustum_m, "R2S-EGO photograph to take", _TO_TAKE_COLOUR
+        )
+        frustum.parent = camera
+        link(collection, camera)
+        link(collection, frustum)
+
+
 def _frustum_object(
-    name: str, views: CandidateViews, frustum_m: float, material: str, colour: tuple[float, float, float]
+    name: str, lens: Camera, frustum_m: float, material: str, colour: tuple[float, float, float]
 ) -> bpy.types.Object:
     """One frustum in Blender's camera axes, that cannot be selected."""
-    vertices, triangles = frustum_triangles(views.camera, np.eye(4)[None], frustum_m)
+    vertices, triangles = frustum_triangles(lens, np.eye(4)[None], frustum_m)
     mesh = mesh_from_arrays(name, vertices * (1.0, -1.0, -1.0), triangles)
     assign_materials(mesh, [plain_material(material, colour)], np.zeros(FACES_PER_FRUSTUM, np.int32))
     created = bpy.data.objects.new(mesh.name, mesh)

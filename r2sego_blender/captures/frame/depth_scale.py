@@ -5,18 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
-from scipy.ndimage import map_coordinates
 
 from ...bundle.layout import mask_stems
 from ...core.errors import CaptureError
 from ..capture import Capture
+from ..sensors.sampling import sampled
 from ..sensors.sensor_depth import SensorDepth
 from ..sparse_points import SparsePoints
 
-# Depth next to an edge belongs to one side or the other.
-_SMOOTH = 1.05
 # What a sensor is off by, and how well a feature is placed.
 _SENSOR_SIGMA = 0.01
 _FEATURE_SIGMA_PX = 0.7
@@ -24,6 +21,10 @@ _FEWEST_POINTS = 30
 _FEWEST_A_CAPTURE = 5
 _LARGEST_SPREAD = 0.2
 _TO_SIGMA = 1.4826  # of a median absolute deviation
+_UNITS_M = (0.001, 1 / 5000, 1 / 4000, 1 / 6553.5, 1 / 256, 0.0001, 0.01)
+"""Of public depth maps: millimetres, TUM RGB-D and ICL-NUIM, RealSense L515, Replica, KITTI, tenths and ten
+millimetres."""
+_SAME_UNIT = 0.08
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ def depth_scale(captures: Sequence[Capture], sparse: SparsePoints, depth: Sensor
     """
     ratios, weights, owners = [], [], []
     maps = 0
-    sine = _widest_sine(captures, sparse)
+    sine = sparse.widest_sine([capture.camera.centre for capture in captures])
     stems = mask_stems([capture.name for capture in captures])
     for index, capture in enumerate(captures):
         map_m = depth.of(capture, stems[capture.name])
@@ -64,7 +65,7 @@ def depth_scale(captures: Sequence[Capture], sparse: SparsePoints, depth: Sensor
             continue
         maps += 1
         rows = np.flatnonzero(sparse.visibility[:, index] & (sine > 0))
-        measured = _sampled(map_m, capture.photograph_shares(sparse.pixels[rows, index]))
+        measured = sampled(map_m, capture.photograph_shares(sparse.pixels[rows, index]))
         triangulated = capture.camera.project(sparse.points[rows])[1]
         good = (measured > 0) & (triangulated > 0)
         if good.sum() < _FEWEST_A_CAPTURE:
@@ -98,30 +99,14 @@ def depth_scale(captures: Sequence[Capture], sparse: SparsePoints, depth: Sensor
     return DepthScale(float(np.exp(centre)), float(spread), float(uncertainty), count, len(owners))
 
 
-def _widest_sine(captures: Sequence[Capture], sparse: SparsePoints) -> np.ndarray:
-    """(P,) sine of the widest angle between two rays that measured a point."""
-    rays = sparse.points[:, None] - np.array([capture.camera.centre for capture in captures])
-    rays /= np.maximum(np.linalg.norm(rays, axis=2, keepdims=True), 1e-12)
-    widest = np.ones(len(sparse.points))
-    for index in range(len(captures)):
-        cosine = np.einsum("pnc,pc->pn", rays, rays[:, index])
-        both = sparse.visibility & sparse.visibility[:, index : index + 1]
-        widest = np.minimum(widest, np.where(both, cosine, 1.0).min(axis=1))
-    return np.sqrt(np.clip(1.0 - np.clip(widest, 0.0, 1.0) ** 2, 0.0, 1.0))
+def likely_unit_m(given_m: float, times_too_large: float) -> float | None:
+    """The unit, of those that depth maps have, in which what ``given_m`` reads so much too large is right.
 
-
-def _sampled(depth: np.ndarray, shares: np.ndarray) -> np.ndarray:
-    """Depth (n,) at shares (n, 2) of width and height; 0 where unknown or beside an edge."""
-    height, width = depth.shape
-    kernel = np.ones((3, 3), np.uint8)
-    low, high = cv2.erode(depth, kernel), cv2.dilate(depth, kernel)
-    smooth = (low > 0) & (high <= _SMOOTH * low)
-    place = shares * [width, height] - 0.5  # SciPy counts pixel centres from zero
-    values = map_coordinates(depth, place.T[::-1], order=1, mode="nearest")
-    column, row = np.rint(place).astype(int).T
-    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    inside[inside] = smooth[row[inside], column[inside]]
-    return np.where(inside, values, 0.0).astype(np.float64)
+    None where none fits within a few percent.
+    """
+    wanted = given_m / times_too_large
+    nearest = min(_UNITS_M, key=lambda unit: abs(np.log(unit / wanted)))
+    return nearest if abs(np.log(nearest / wanted)) < _SAME_UNIT and nearest != given_m else None
 
 
 def _median(values: np.ndarray, weights: np.ndarray) -> float:

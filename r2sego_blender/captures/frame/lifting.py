@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -60,8 +61,9 @@ def in_photograph(
     from ..poses.photographs import upright_size  # reads images, which Blender's Python does not
 
     names = [name for name, _ in files]
-    named = [i for i, name in enumerate(names) if name == photo]
-    named = named or [i for i, name in enumerate(names) if Path(name).stem == photo]
+    composed, photo = [unicodedata.normalize("NFC", name) for name in names], unicodedata.normalize("NFC", photo)
+    named = [i for i, name in enumerate(composed) if name == photo]
+    named = named or [i for i, name in enumerate(composed) if Path(name).stem == photo]
     if len(named) != 1:
         raise CaptureError(
             f"there {'is no capture' if not named else 'are several captures'} '{photo}'",

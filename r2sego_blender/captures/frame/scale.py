@@ -14,6 +14,7 @@ import numpy as np
 from ...core.errors import CaptureError
 from ...core.images import load_image_uint8
 from ..capture import Capture
+from ..sensors.sensor_depth import MILLIMETRE_M, SensorDepth
 from ..sparse_points import SparsePoints
 from .lifting import intersection, lifted, pointed_at
 
@@ -21,6 +22,7 @@ KNOWN_LENGTH = "scale, known_length"
 """Where errors about a known length say they are."""
 
 _MARKER_DISAGREEMENT = 0.1
+_SMALLEST_UNIT_M = 1e-6
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,7 @@ class Scale:
     marker_id: int | None = None
     folder: Path | None = None
     whose: str = "camera"
+    unit_m: float = MILLIMETRE_M
 
     def __post_init__(self) -> None:
         needs_metres = self.kind not in ("automatic", "metric", "depth")
@@ -46,6 +49,12 @@ class Scale:
                 f"{self.metres} is no length in metres",
                 where=f"scale, {self.kind}",
                 cure="Give a positive number of metres.",
+            )
+        if not (_SMALLEST_UNIT_M <= self.unit_m <= 1.0):
+            raise CaptureError(
+                f"{self.unit_m} m is no unit of depth maps",
+                where="scale, depth",
+                cure="Give the metres of 1: 0.001 for millimetres, 0.0002 for TUM's.",
             )
 
     @staticmethod
@@ -83,9 +92,19 @@ class Scale:
         return Scale("measured", metres=metres_per_unit, whose=source)
 
     @staticmethod
-    def depth(folder: Path) -> Scale:
-        """Depth maps of a sensor, called as the photographs are (``SensorDepth``)."""
-        return Scale("depth", folder=Path(folder))
+    def depth(folder: Path, unit_m: float = MILLIMETRE_M) -> Scale:
+        """Depth maps of a sensor, called as the photographs are (``SensorDepth``).
+
+        ``unit_m`` is the unit of those of whole numbers.
+        """
+        return Scale("depth", folder=Path(folder), unit_m=unit_m)
+
+    def sensor_depth(self, beside_poses: SensorDepth | None) -> SensorDepth:
+        """The maps that a scale of kind ``depth`` names; those beside the poses where they are the same folder's."""
+        assert self.folder is not None
+        if beside_poses is not None and beside_poses.folder.resolve() == self.folder.resolve():
+            return beside_poses
+        return SensorDepth.beside(self.folder, self.unit_m)
 
 
 def length_scale(captures: Sequence[Capture], sparse: SparsePoints, scale: Scale) -> tuple[float, str]:

@@ -16,10 +16,9 @@ from ...core.errors import CaptureError
 from ...core.progress import SILENT, Progress
 from ..capture import Capture
 from ..importing import Imported
-from ..sensors.sensor_depth import SensorDepth
 from ..sparse import USUAL_DEPTH_M, usual_depth
 from ..sparse_points import SparsePoints
-from .depth_scale import depth_scale
+from .depth_scale import depth_scale, likely_unit_m
 from .ground import Ground, find_ground
 from .scale import Scale, length_scale, marker_scale
 
@@ -28,6 +27,12 @@ ASSUMED_CAMERA_HEIGHT_M = 1.5
 
 # Share by which the unit of a device's poses and that of its depth sensor may differ.
 _UNIT_AGREES = 0.03
+
+# And from which on, as a logarithm, depth is in another unit than it is taken to be.
+_OTHER_UNIT = np.log(1.3)
+
+# Nobody holds a camera lower or higher above the floor, but from a balcony.
+_HELD_BETWEEN_M = (0.3, 3.0)
 
 # How a scale that hangs on the floor is called.
 _HEIGHT_OF, _ASSUMED = " height of ", "assumed"
@@ -77,6 +82,8 @@ def register(
             "correct it with `r2sego register`, or add a photograph that shows the floor",
             level="warning",
         )
+    if scale.kind == "depth" and known is not None and ground.found:
+        _warn_of_height(captures, ground, known, scale, progress)
     if known is None:
         known, source = _scale_from_height(captures, ground, scale)
         if scale.kind != "camera_height":
@@ -141,15 +148,60 @@ def _scale_before_ground(
     if scale.kind == "metric":
         return 1.0, "poses declared to be metric"
     if scale.kind == "depth":
-        assert scale.folder is not None
-        depth = imported.depth
-        if depth is None or depth.folder.resolve() != scale.folder.resolve():
-            depth = SensorDepth.beside(scale.folder)
-        measured = depth_scale(imported.captures, sparse, depth)
+        measured = depth_scale(imported.captures, sparse, scale.sensor_depth(imported.depth))
+        if imported.metric:
+            _compare_units(imported, scale, measured.metres_per_unit, progress)
         return measured.metres_per_unit, str(measured)
+    if scale.kind == "automatic" and not imported.metric and imported.depth is not None:
+        try:
+            measured = depth_scale(imported.captures, sparse, imported.depth)
+            return measured.metres_per_unit, str(measured)
+        except CaptureError as error:
+            progress.message(f"the sensor's depth tells no scale: {error.what}", level="warning")
     if scale.kind == "automatic" and imported.metric:
         return 1.0, f"metric poses ({imported.source}{_checked(imported, sparse, progress)})"
     return None, ""
+
+
+def _compare_units(imported: Imported, scale: Scale, metres_per_unit: float, progress: Progress) -> None:
+    """Say where depth contradicts poses that are in metres; raise CaptureError where another unit explains it."""
+    assert scale.folder is not None
+    unit_m = likely_unit_m(scale.unit_m, metres_per_unit)
+    if abs(np.log(metres_per_unit)) > _OTHER_UNIT and unit_m is not None:
+        raise CaptureError(
+            f"depth says that the room is {metres_per_unit:.3g} times as large as the poses in metres say",
+            where=scale.folder,
+            cure=f"These maps look like whole numbers of {_unit(unit_m)}: give --depth-unit {unit_m:.6g}. If the "
+            "poses are in another unit, declare them not to be metric.",
+        )
+    if abs(metres_per_unit - 1.0) > _UNIT_AGREES:
+        progress.message(
+            f"the depth sensor sees the room {metres_per_unit - 1.0:+.1%} larger than the poses in metres say "
+            f"({imported.source}); the sensor's metre is taken",
+            level="warning",
+        )
+
+
+def _warn_of_height(
+    captures: Sequence[Capture], ground: Ground, known: float, scale: Scale, progress: Progress
+) -> None:
+    """Say where the cameras of a scale from depth would stand as no photographer does."""
+    height_m = known * float(np.median(ground.height(np.array([capture.camera.centre for capture in captures]))))
+    low, high = _HELD_BETWEEN_M
+    if low <= height_m <= high:
+        return
+    unit_m = likely_unit_m(scale.unit_m, height_m / ASSUMED_CAMERA_HEIGHT_M) if height_m > 0 else None
+    right = [] if unit_m is None else [f"maps of {_unit(unit_m)} would say {height_m * unit_m / scale.unit_m:.2g} m: "]
+    cure = f"give --depth-unit {(unit_m or 0.001):.6g}" if right else "say the unit with --depth-unit"
+    progress.message(
+        f"by the sensor's depth the cameras stand {height_m:.2g} m above the floor; are the maps in "
+        f"{_unit(scale.unit_m)}? {''.join(right)}{cure}",
+        level="warning",
+    )
+
+
+def _unit(metres: float) -> str:
+    return "millimetres" if metres == 0.001 else f"1/{1.0 / metres:.6g} m"
 
 
 def _checked(imported: Imported, sparse: SparsePoints, progress: Progress) -> str:

@@ -27,7 +27,8 @@ _BLOCK = 512
 class Features(NamedTuple):
     """SIFT features: ``keypoints`` (n, 2) float32, ``descriptors`` (n, 128) uint8.
 
-    Keypoints are in pixels, the first pixel's centre is (0.5, 0.5).
+    Keypoints are in pixels, the first pixel's centre is (0.5, 0.5). Those beyond the descriptors
+    were matched by another matcher.
     """
 
     keypoints: np.ndarray
@@ -86,11 +87,12 @@ def match_along_epipolar_lines(
     """
     from .nearest_descriptors import Best, compare_near
 
-    if len(b.keypoints) < 2:
+    if len(b.descriptors) < 2:
         return np.zeros((0, 2), np.int32)
-    lines_b = epipolar_lines(a.keypoints, camera_a, camera_b)
-    lines_a = epipolar_lines(b.keypoints, camera_b, camera_a)
-    points_a, points_b = _homogeneous(a.keypoints), _homogeneous(b.keypoints)
+    places_a, places_b = a.keypoints[: len(a.descriptors)], b.keypoints[: len(b.descriptors)]
+    lines_b = epipolar_lines(places_a, camera_a, camera_b)
+    lines_a = epipolar_lines(places_b, camera_b, camera_a)
+    points_a, points_b = _homogeneous(places_a), _homogeneous(places_b)
     best = Best.of(len(points_a), len(points_b))
     descriptors = np.ascontiguousarray(a.descriptors), np.ascontiguousarray(b.descriptors)
     squares = _squares(a.descriptors), _squares(b.descriptors)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,6 +35,25 @@ Pairs = dict[tuple[int, int], np.ndarray]
 """Matches (m, 2) int32 of feature indices for pairs (i, j), i < j, of photographs."""
 
 
+class Matched(NamedTuple):
+    """Features of photographs, and which of them match."""
+
+    features: list[Features]
+    pairs: Pairs
+
+    def beside(self, other: Matched) -> Matched:
+        """Both of the same photographs, this one's features first."""
+        features = [
+            Features(np.concatenate([mine.keypoints, more.keypoints]), mine.descriptors)
+            for mine, more in zip(self.features, other.features, strict=True)
+        ]
+        pairs = dict(self.pairs)
+        for (i, j), matches in other.pairs.items():
+            beyond = matches + np.array([len(self.features[k].keypoints) for k in (i, j)], np.int32)
+            pairs[i, j] = np.concatenate([pairs.get((i, j), beyond[:0]), beyond])
+        return Matched(features, pairs)
+
+
 def match_all(
     features: Sequence[Features],
     settings: CaptureSettings,
@@ -50,22 +69,6 @@ def match_all(
         if len(matches) >= settings.min_matches:
             pairs[i, j] = matches
     return pairs
-
-
-def match_known_poses(
-    features: Sequence[Features],
-    cameras: Sequence[Camera],
-    names: Sequence[str],
-    settings: CaptureSettings,
-    progress: Progress,
-) -> Pairs:
-    """Guided matches of every near pair whose plain matches confirm the known poses.
-
-    Raises CaptureError when no pair does, and tells overlap with wrong poses apart.
-    """
-    plain = match_all(features, settings, progress, among=near_pairs(cameras))
-    confirmed = confirming(plain, features, cameras, settings.max_error_px, settings)
-    return match_guided(confirmed, features, cameras, names, settings, progress)
 
 
 def near_pairs(cameras: Sequence[Camera]) -> list[tuple[int, int]]:
@@ -96,43 +99,63 @@ def confirming(
     """Of the matches of ``match_all`` those within ``max_error_px`` of their epipolar lines.
 
     A pair is kept, as overlapping, when these are ``min_matches`` and a fifth of its matches
-    at least. Raises CaptureError when no pair is, and tells overlap with wrong poses apart.
+    at least, of SIFT or of the other matcher, whose mistakes agree with each other where a room
+    repeats itself. Raises CaptureError when no pair is, and tells overlap with wrong poses apart.
     """
     pairs: Pairs = {}
     contradicting = 0
     for (i, j), matches in plain.items():
         places = features[i].keypoints[matches[:, 0]], features[j].keypoints[matches[:, 1]]
         agree = epipolar_errors(*places, cameras[i], cameras[j]) <= max_error_px
-        if agree.sum() >= max(settings.min_matches, _MIN_AGREEING_SHARE * len(matches)):
-            pairs[i, j] = matches[agree]
-        else:
-            contradicting = max(contradicting, int(len(matches) - agree.sum()))
+        of_sift = matches[:, 0] < len(features[i].descriptors)
+        for kind in (of_sift, ~of_sift):
+            agreeing = kind & agree
+            if agreeing.sum() >= max(settings.min_matches, _MIN_AGREEING_SHARE * kind.sum()):
+                pairs[i, j] = np.concatenate([pairs.get((i, j), matches[:0]), matches[agreeing]])
+            elif kind is of_sift:
+                contradicting = max(contradicting, int(kind.sum() - agreeing.sum()))
     if not pairs:
         raise _nothing_overlaps(contradicting, settings)
     return pairs
 
 
 def match_guided(
-    overlapping: Iterable[tuple[int, int]],
+    overlapping: Pairs,
     features: Sequence[Features],
     cameras: Sequence[Camera],
     names: Sequence[str],
     settings: CaptureSettings,
     progress: Progress,
+    plain: Pairs | None = None,
 ) -> Pairs:
     """The matches of overlapping pairs, looked for along the epipolar lines of known poses.
 
-    Captures that overlap with none are named in a warning.
+    Those of the other matcher are as they were in ``overlapping``, which ``confirming`` gave.
+    Captures that overlap with none are named in a warning, those apart whose poses contradict many of the
+    ``plain`` matches.
     """
     pairs: Pairs = {}
-    for i, j in progress.track(overlapping, "Matching captures"):
+    for (i, j), matches in progress.track(overlapping.items(), "Matching captures"):
         a, b = features[i], features[j]
         guided = match_along_epipolar_lines(a, b, cameras[i], cameras[j], settings.max_error_px, settings.match_ratio)
         difference = a.descriptors[guided[:, 0]].astype(np.float32) - b.descriptors[guided[:, 1]]
         near = np.einsum("ij,ij->i", difference, difference) <= _LARGEST_DESCRIPTOR_DISTANCE**2
-        pairs[i, j] = guided[near]
+        beyond = matches[matches[:, 0] >= len(a.descriptors)]
+        pairs[i, j] = np.concatenate([guided[near], beyond])
     alone = sorted(set(range(len(names))) - {index for pair in pairs for index in pair})
-    if alone:
+    contradicting = {
+        index: most
+        for index in alone
+        if (most := max((len(m) for pair, m in (plain or {}).items() if index in pair), default=0))
+        >= _CONTRADICTING_MATCHES
+    }
+    for index, most in contradicting.items():
+        progress.message(
+            f"{names[index]}: its pose contradicts what it shares with other captures ({most} matches with one "
+            "of them), so nothing seen only there can be measured",
+            level="warning",
+        )
+    if alone := [index for index in alone if index not in contradicting]:
         progress.message(
             f"{_listed(names[i] for i in alone)}: shares fewer than {settings.min_matches} matches "
             "with any other capture, so nothing seen only there can be measured",

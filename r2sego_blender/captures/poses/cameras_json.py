@@ -11,7 +11,7 @@ from ..lenses.distortion import COEFFICIENTS
 from ..lenses.lens import Lens
 from . import json_fields as fields
 from .finding import find_photograph
-from .photographs import Photograph, upright_size, with_unique_names
+from .photographs import Photograph, require_lens_of_size, upright_size, with_unique_names
 
 
 def read_cameras_json(path: Path, folder: Path, files_needed: bool = True) -> tuple[list[Photograph], bool]:
@@ -72,6 +72,8 @@ def _photographs(
             *_distortion(places, path, field),
             fields.number("border_px", path, field, *places, default=0.0),
         )
+        if not _says_size(places):
+            require_lens_of_size(lens, source, ("width", "height"))
         pose = fields.matrix("world_from_camera", path, field, entry)
         photographs.append(Photograph(name, image_path, lens, pose, source))
     return with_unique_names(photographs)

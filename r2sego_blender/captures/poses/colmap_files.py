@@ -27,6 +27,9 @@ _COUNT = struct.Struct("<Q")
 _LEAST_CAMERA_BYTES = 4 + 4 + 8 + 8 + 2 * 8
 _IMAGE_HEAD_BYTES = 4 + 7 * 8 + 4
 _MEASUREMENT_BYTES = 2 * 8 + 8
+_NUMBERS_BEFORE_NAME = 9
+"""Of an image in a text: identity, quaternion, translation and camera."""
+
 _MOST_BYTES = 2 << 30
 _MOST_RECORDS = 100_000
 """More photographs than are ever solved together."""
@@ -93,18 +96,25 @@ def check_cameras_text(path: Path) -> None:
     check_whole_text(text, sum(map(_holds_something, text)), "cameras")
 
 
-def check_images_text(path: Path) -> None:
-    """Raise CaptureError when images.txt was cut off, or not every pose has its line of measurements.
+def check_images_text(path: Path) -> dict[int, str]:
+    """The images' names by identity: all that stands behind the nine numbers, of which COLMAP reads a word.
 
+    Raises CaptureError when images.txt was cut off, or not every pose has its line of measurements.
     COLMAP takes whatever stands behind a pose for that line, so where such lines are left out it
     would read every other image.
     """
     text = TextLines(path)
     lines, count = iter(text), 0
+    names: dict[int, str] = {}
     for line in lines:
         if not _holds_something(line):
             continue
         count += 1
+        if count > _MOST_RECORDS:
+            raise _wrong_text(path, f"it has more than {_MOST_RECORDS} images", "give a part of it")
+        words = line.split(maxsplit=_NUMBERS_BEFORE_NAME)
+        if len(words) > _NUMBERS_BEFORE_NAME and re.fullmatch("[0-9]{1,10}", words[0]):
+            names[int(words[0])] = words[-1].rstrip()
         image, measurements = text.read, next(lines, None)
         # Behind the last line break is no line of its own: COLMAP leaves out such an image.
         if measurements is None:
@@ -120,6 +130,7 @@ def check_images_text(path: Path) -> None:
                 "behind each image stands a line of X, Y, POINT3D_ID, or an empty one",
             )
     check_whole_text(text, count, "images")
+    return names
 
 
 class TextLines:

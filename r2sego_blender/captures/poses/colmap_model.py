@@ -64,28 +64,29 @@ def read_colmap_model(model: Path, folder: Path, progress: Progress = SILENT) ->
             where=model,
             cure="Give the folder that holds cameras.bin and images.bin, or .txt.",
         )
+    told: dict[int, str] = {}
     if suffix == ".bin":
         check_cameras(model / "cameras.bin")
         check_images(model / "images.bin")
     else:
         check_cameras_text(model / "cameras.txt")
-        check_images_text(model / "images.txt")
+        told = check_images_text(model / "images.txt")
     try:
         found = call_in_child(read_in_child, {"model": str(model), "suffix": suffix}, timeout_s=_TIMEOUT_S)
     except NativeError as error:
         raise CaptureError(
             "the COLMAP model cannot be read", where=model, cure="It is damaged or of another format: export it again."
         ) from error
-    names = [image["name"] for image in found["images"]]
+    names = [told.get(image["id"], image["name"]) for image in found["images"]]
     paths = find_photographs(names, (folder, folder / "images"), model, progress)
     photographs = []
-    for image, path in zip(found["images"], paths, strict=True):
+    for image, name, path in zip(found["images"], names, paths, strict=True):
         if path is None:
             continue
-        source = f"{model / ('images' + suffix)}, image {image['id']} ({image['name']})"
+        source = f"{model / ('images' + suffix)}, image {image['id']} ({name})"
         pose = _inverse(np.vstack([image["camera_from_world"], [0.0, 0.0, 0.0, 1.0]]), source)
         lens = _lens(image["camera"], f"{model / ('cameras' + suffix)}, camera {image['camera']['id']}")
-        photographs.append(Photograph(image["name"], path, lens, pose, source, stored_pixels=True))
+        photographs.append(Photograph(name, path, lens, pose, source, stored_pixels=True))
     return with_unique_names(photographs)
 
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import os
+import unicodedata
 from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 
 from ...core.errors import CaptureError
+from ...core.file_names import caseless
 from ...core.images import HEIC, SUFFIXES, image_files
 from ...core.printable import printable
 from ...core.progress import Progress
-from .photographs import MIN_CAPTURES
+from .photographs import MIN_CAPTURES, is_depth_map
 from .plain_folder import UNREAD_PICTURES
 
 _LISTED = 8
@@ -76,12 +78,14 @@ def _found(
     by_file_name: bool,
     images_in: Callable[[Path], list[Path]] = image_files,
 ) -> Path | None:
-    relative = _plain(name)
     if "\0" in name:
         return None
-    candidates = [folder / relative for folder in folders]
+    # A Mac writes names decomposed, what else writes them composed; both look the same.
+    forms = (name, unicodedata.normalize("NFC", name), unicodedata.normalize("NFD", name))
+    spelt = dict.fromkeys(map(_plain, forms))
+    candidates = [folder / relative for folder in folders for relative in spelt]
     if by_file_name:
-        candidates += [folder / relative.name for folder in folders]
+        candidates += [folder / relative.name for folder in folders for relative in spelt]
     candidates = [
         candidate
         for candidate in candidates
@@ -92,10 +96,12 @@ def _found(
             return candidate
         if guess_suffix and candidate.suffix.lower() not in SUFFIXES:
             # Blender's scenes and instant-ngp mean .png, and COLMAP reads no HEIC.
-            for suffix in sorted(SUFFIXES, key=lambda suffix: (suffix != ".png", suffix in HEIC, suffix)):
-                whole = candidate.with_name(candidate.name + suffix)
-                if _is_file(whole):
-                    return whole
+            suffixes = sorted(SUFFIXES, key=lambda suffix: (suffix != ".png", suffix in HEIC, suffix))
+            whole = [file for suffix in suffixes if _is_file(file := candidate.with_name(candidate.name + suffix))]
+            if len(whole) > 1:
+                whole = [file for file in whole if not is_depth_map(file)] or whole
+            if whole:
+                return whole[0]
     return next(filter(None, (_alike(candidate, images_in) for candidate in candidates)), None)
 
 
@@ -112,16 +118,16 @@ def _real(path: Path) -> Path:
 
 
 def _alike(candidate: Path, images_in: Callable[[Path], list[Path]]) -> Path | None:
-    """The one photograph that has the name of ``candidate`` but for case and kind.
+    """The one photograph that has the name of ``candidate`` but for case, kind and Unicode's form.
 
     HEIC is converted before or after its poses are solved, and some systems take .JPG for .jpg.
     """
     if not candidate.parent.is_dir():
         return None
     kinds = SUFFIXES | UNREAD_PICTURES
-    stem = (candidate.stem if candidate.suffix.lower() in kinds else candidate.name).casefold()
-    alike = [path for path in images_in(candidate.parent) if path.stem.casefold() == stem]
-    same = [path for path in alike if path.name.casefold() == candidate.name.casefold()]
+    stem = caseless(candidate.stem if candidate.suffix.lower() in kinds else candidate.name)
+    alike = [path for path in images_in(candidate.parent) if caseless(path.stem) == stem]
+    same = [path for path in alike if caseless(path.name) == caseless(candidate.name)]
     found = same or alike
     return found[0] if len(found) == 1 else None
 

@@ -13,8 +13,8 @@ from ...core import json_files
 from ...core.errors import CaptureError, may_not_be_read
 
 
-def read_json(path: Path) -> dict[str, Any]:
-    """The JSON object in a file. Raises CaptureError when there is none."""
+def read_json(path: Path, cure: str = "Export the poses again.") -> dict[str, Any]:
+    """The JSON object in a file. Raises CaptureError when there is none; for one of another kind with ``cure``."""
     try:
         data = json_files.read_json(path)
     except FileNotFoundError as error:
@@ -26,9 +26,9 @@ def read_json(path: Path) -> dict[str, Any]:
             f"the pose file cannot be read: {error.strerror}", where=path, cure="Check the path."
         ) from error
     except ValueError as error:
-        raise CaptureError(f"this is not JSON ({error})", where=path, cure="Export the poses again.") from error
+        raise CaptureError(f"this is not JSON ({error})", where=path, cure=cure) from error
     if not isinstance(data, dict):
-        raise CaptureError("the file holds no JSON object", where=path, cure="Export the poses again.")
+        raise CaptureError("the file holds no JSON object", where=path, cure=cure)
     return data
 
 
@@ -89,5 +89,18 @@ def matrix(key: str, path: Path, field: str, place: Mapping[str, Any]) -> np.nda
     if found.shape != (4, 4) or not np.isfinite(found).all():
         raise CaptureError(
             f"'{key}' is not a 4x4 matrix of numbers", where=f"{path}, {field}", cure="See docs/formats.md."
+        )
+    return found
+
+
+def array(key: str, path: Path, field: str, place: Mapping[str, Any], shape: tuple[int, ...]) -> np.ndarray:
+    """The float64 array of this shape under ``key``."""
+    try:
+        found = np.array(place[key], np.float64)
+    except (KeyError, TypeError, ValueError):
+        found = np.zeros(0)
+    if found.shape != shape or not np.isfinite(found).all():
+        raise CaptureError(
+            f"'{key}' is not {'x'.join(map(str, shape))} numbers", where=f"{path}, {field}", cure="See docs/formats.md."
         )
     return found

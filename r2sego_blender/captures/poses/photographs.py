@@ -26,7 +26,12 @@ _EXIF_ORIENTATION = 274
 # before they are mirrored.
 _QUARTER_TURNS = {3: 2, 4: 2, 5: 1, 6: 1, 7: 3, 8: 3}
 _UPRIGHT_SIZE = ("HEIF", "TIFF")  # formats of which Pillow tells the upright size
+_DEEP_MODES = frozenset({"I", "I;16", "I;16B", "I;16L", "I;16N", "F"})
 _ASPECT_TOLERANCE = 0.01
+# Focal lengths, in longest sides: 28 degrees, narrower than the lenses that rooms are photographed with,
+# and 127 degrees, wider than any that keeps lines nearly straight.
+_LONGEST_FOCAL, _SHORTEST_FOCAL = 2.0, 0.25
+_NEARLY_PINHOLES = ("opencv", "brown")
 _REPLACE = "Replace the file, or take it out of the folder and the pose file."
 # One clockwise quarter turn of the image, seen as a turn of the camera about its axis.
 _TURNED_FROM_CAMERA = np.array(
@@ -39,7 +44,8 @@ class Photograph:
     """A photograph, its lens and pose as a pose file states them.
 
     ``world_from_camera`` (4, 4) float64 has OpenCV axes; ``source`` is the file and field
-    that errors point to, ``mask_path`` the mask that is named for it, if that is there.
+    that errors point to, ``mask_path`` and ``depth_path`` the mask and the sensor's depth that are named for
+    it, if they are there.
     ``stored_pixels``: what solved the poses does not turn photographs upright by EXIF. Raises CaptureError
     for a name that nobody can read, and a lens through which nothing is seen.
     """
@@ -51,6 +57,7 @@ class Photograph:
     source: str
     mask_path: Path | None = None
     stored_pixels: bool = False
+    depth_path: Path | None = None
 
     def __post_init__(self) -> None:
         require_name(self.name, self.source)
@@ -85,10 +92,44 @@ def photograph_size(path: Path) -> tuple[int, int, int]:
         return width, height, turns
 
 
+def is_depth_map(path: Path) -> bool:
+    """Whether an image file has one channel of more than 8 bits, as depth is stored beside photographs.
+
+    Errors as for ``photograph_size``.
+    """
+    with opened_image(path, "photograph", _REPLACE) as image:
+        return image.mode in _DEEP_MODES
+
+
 def upright_size(path: Path) -> tuple[int, int]:
     """(width, height) of the photograph as ``load_image`` returns it."""
     width, height, turns = photograph_size(path)
     return (height, width) if turns % 2 else (width, height)
+
+
+def require_lens_of_size(lens: Lens, where: object, keys: tuple[str, str]) -> None:
+    """Raises CaptureError where a lens cannot be of the photograph's own size, which nobody stated.
+
+    Numbers that were measured before the photographs were scaled are all too large by one factor, or too
+    small. ``keys`` are the fields in which the size can be stated; whoever has such a lens states it there.
+    """
+    side = max(lens.width, lens.height)
+    focal = max(lens.fx, lens.fy) / side
+    across, along = 2.0 * lens.cx / lens.width, 2.0 * lens.cy / lens.height
+    scaled = abs(across - along) < 0.1 * across and not 0.8 < across < 1.25
+    if _SHORTEST_FOCAL * (lens.model in _NEARLY_PINHOLES) <= focal <= _LONGEST_FOCAL and not scaled:
+        return
+    angle_deg = 2.0 * np.degrees(np.arctan(0.5 / focal))
+    what = (
+        f"the principal point {lens.cx:g}, {lens.cy:g} lies far from the middle of"
+        if scaled
+        else f"the focal length {max(lens.fx, lens.fy):g} px makes {angle_deg:.0f} degrees of"
+    )
+    raise CaptureError(
+        f"{what} a photograph of {lens.width}x{lens.height}: it is of another size",
+        where=where,
+        cure=f"Add '{keys[0]}' and '{keys[1]}': the size that it was measured at, which may be the photograph's.",
+    )
 
 
 def captures_of(photographs: Sequence[Photograph], max_side_px: int) -> tuple[Capture, ...]:

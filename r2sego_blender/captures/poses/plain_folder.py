@@ -11,7 +11,7 @@ from ...core.errors import CaptureError
 from ...core.images import image_files
 from ...core.progress import Progress
 from .dropped_files import VIDEOS
-from .photographs import MIN_CAPTURES, photograph_size, require_name, too_few
+from .photographs import MIN_CAPTURES, is_depth_map, photograph_size, require_name, too_few
 from .registry import FORMATS
 
 _RAW = frozenset({".dng", ".raw", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".rw2", ".orf", ".pef", ".srw"})
@@ -25,18 +25,21 @@ _NAME = attrgetter("name")  # paths themselves are sorted otherwise on Windows
 def plain_photographs(folder: Path, progress: Progress) -> list[Path]:
     """The photographs straight inside ``folder``, each once, sorted by name.
 
-    Pictures of a kind that is not read, copies of a photograph, and poses that lie beside it
-    are told. Raises CaptureError for a file that is no image, and when fewer than three
+    Pictures of a kind that is not read, depth maps and copies of a photograph, and poses that lie
+    beside it are told. Raises CaptureError for a file that is no image, and when fewer than three
     photographs are left: it says where others may be.
     """
     files = image_files(folder)
     for path in files:
         require_name(path.name, folder)
         photograph_size(path)  # an empty file is told now, not after those before it were worked on
+    files, maps = _without_depth_maps(files)
     found, copies = _distinct(files)
     passed = _passed_over(folder, found)
     if len(found) < MIN_CAPTURES:
         raise _too_few(folder, len(found), copies, passed)
+    if maps:
+        progress.message(f"{_listed(maps)}: passed over, for they are depth maps (one channel of 16 bits or more)")
     if copies:
         progress.message(f"{_listed(copies)}: the same photograph again, left out", level="warning")
     if passed:
@@ -45,6 +48,12 @@ def plain_photographs(folder: Path, progress: Progress) -> list[Path]:
         if (folder / name).is_file():
             progress.message(f"{folder / name} is not read: give it as the poses to take those")
     return found
+
+
+def _without_depth_maps(paths: Sequence[Path]) -> tuple[list[Path], list[Path]]:
+    """The photographs and the depth maps beside them; alone such pictures are photographs."""
+    maps = [path for path in paths if is_depth_map(path)]
+    return ([path for path in paths if path not in maps], maps) if len(maps) < len(paths) else (maps, [])
 
 
 def _distinct(paths: Sequence[Path]) -> tuple[list[Path], list[Path]]:
@@ -79,12 +88,20 @@ def _too_few(folder: Path, count: int, copies: list[Path], passed: list[Path]) -
     if passed:
         return CaptureError(f"{error.what}; {_listed(passed)} cannot be read", where=folder, cure=_cure(passed))
     rooms = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
-    rooms = [path for path in rooms if len(image_files(path)) >= MIN_CAPTURES]
+    rooms = [path for path in rooms if _looks_like_photographs(image_files(path))]
     if rooms:
         return CaptureError(f"{error.what}; there are some in {_listed(rooms)}", where=folder, cure="Give that folder.")
     if copies:
         return CaptureError(f"{error.what}; {_listed(copies)} are the same again", where=folder, cure=error.cure)
     return error
+
+
+def _looks_like_photographs(files: Sequence[Path]) -> bool:
+    """Whether these are enough; the first is looked at, for there may be thousands."""
+    try:
+        return len(files) >= MIN_CAPTURES and not is_depth_map(files[0])
+    except CaptureError:  # it is told once its folder is given
+        return True
 
 
 def _cure(passed: Sequence[Path]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -14,13 +15,13 @@ from ..lenses.lens import Lens
 from ..sensors.sensor_depth import SensorDepth
 from . import json_fields as fields
 from .finding import find_photographs
-from .photographs import Photograph, upright_size, with_unique_names
+from .photographs import Photograph, require_lens_of_size, upright_size, with_unique_names
 from .transforms_json import GL_FROM_CV
 
 # Undistorting leaves a black border of this many pixels in ``corrected_images``.
 _CORRECTED_BORDER_PX = 15.0
 # "The max range of the lidar sensor is 5M, so [...] anything larger than that is a total guess."
-_LIDAR_RANGE_M = 5.0
+LIDAR_RANGE_M = 5.0
 _SHARPNESS_WIDTH_PX = 512
 UP = np.array([0.0, 1.0, 0.0])
 """ARKit's world has gravity along -Y."""
@@ -49,7 +50,7 @@ def read_polycam(keyframes: Path, most: int, progress: Progress = SILENT) -> tup
         progress.message(
             f"{most} of the {len(found)} keyframes are taken, the sharpest of their neighbours (captures.max_keyframes)"
         )
-        found = _sharpest(found, most, progress)
+        found = [found[index] for index in sharpest([path for _, path in found], most, progress)]
     border_px = _CORRECTED_BORDER_PX if optimised else 0.0
     photographs = [_photograph(file, path, border_px) for file, path in found]
     source = "Polycam, optimised poses" if optimised else "Polycam, ARKit's poses as recorded"
@@ -61,22 +62,22 @@ def lidar_depth(keyframes: Path) -> SensorDepth | None:
     depth, confidence = keyframes / "depth", keyframes / "confidence"
     if not depth.is_dir():
         return None
-    return SensorDepth(depth, confidence if confidence.is_dir() else None, _LIDAR_RANGE_M)
+    return SensorDepth(depth, confidence if confidence.is_dir() else None, LIDAR_RANGE_M)
 
 
-def _sharpest(found: list[tuple[Path, Path]], count: int, progress: Progress) -> list[tuple[Path, Path]]:
-    """One keyframe of each of ``count`` consecutive parts of the scan.
+def sharpest(paths: Sequence[Path], count: int, progress: Progress) -> list[int]:
+    """One photograph of each of ``count`` consecutive parts of a recording, by its index.
 
     Neighbours show the same, so that the variance of the Laplacian tells blur. The app's own
     ``blur_score`` is not used: its two descriptions contradict each other.
     """
     sharpness = []
-    for _, path in progress.track(found, "Finding sharp keyframes"):
+    for path in progress.track(paths, "Finding sharp keyframes"):
         grey = cv2.cvtColor(load_image_uint8(path), cv2.COLOR_RGB2GRAY)
         grey = resize(grey, _SHARPNESS_WIDTH_PX, max(1, grey.shape[0] * _SHARPNESS_WIDTH_PX // grey.shape[1]))
         sharpness.append(float(cv2.Laplacian(grey, cv2.CV_32F).var()))
-    parts = np.array_split(np.arange(len(found)), count)
-    return [found[part[np.argmax(np.array(sharpness)[part])]] for part in parts]
+    parts = np.array_split(np.arange(len(paths)), count)
+    return [int(part[np.argmax(np.array(sharpness)[part])]) for part in parts]
 
 
 def _photograph(file: Path, path: Path, border_px: float) -> Photograph:
@@ -88,4 +89,6 @@ def _photograph(file: Path, path: Path, border_px: float) -> Photograph:
     if "width" in data:
         width, height = fields.size(file, "intrinsics", data)
     lens = Lens(width, height, fx, fy, cx, cy, border_px=border_px)
+    if "width" not in data:
+        require_lens_of_size(lens, file, ("width", "height"))
     return Photograph(path.name, path, lens, pose, str(file))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ...config.settings import CaptureSettings
 from ...core.json_files import read_json
@@ -43,9 +43,9 @@ class PoseFormat:
     as ``read`` takes them, none where there are none; it is cheap, and raises nothing. ``read`` is given
     these and the folder of photographs, and raises CaptureError. ``points`` gives the positions (P, 3)
     float64 and colours (P, 3) uint8 that come with the poses, in their frame, or None. ``files`` are names
-    that its files have, ``parts`` those of files whose folder is the poses, ``key`` what the file, a JSON
-    object, has. ``photographs_too``: a folder of it holds its own photographs, and is taken without being
-    asked for. Kinds of a lower ``order`` are looked for first.
+    that its files have, ``parts`` those of files whose folder is the poses. ``photographs_too``: a folder of
+    it holds its own photographs, and is taken without being asked for. Kinds of a lower ``order`` are looked
+    for first.
     """
 
     name: str
@@ -54,26 +54,26 @@ class PoseFormat:
     points: Callable[[Path, Progress], tuple[np.ndarray, np.ndarray] | None] | None = None
     files: Sequence[str] = ()
     parts: Sequence[str] = ()
-    key: str = ""
     photographs_too: bool = False
     order: int = 1000
 
 
-def json_files(place: Path, names: Sequence[str], key: str) -> list[Path]:
-    """``place`` where it is a file of a JSON object with ``key``, or the first such of these names in it.
+def json_files(place: Path, names: Sequence[str], holds: Callable[[Any], bool], damaged: bool = True) -> list[Path]:
+    """``place`` where it is a file of such JSON, or the first such of these names in it.
 
-    In a folder one that is damaged counts too: who reads it says what is wrong.
+    In a folder one that is ``damaged`` counts too: who reads it says what is wrong.
     """
     if not place.is_dir():
-        return [place] if _holds(place, key) else []
+        return [place] if _is_of(place, holds) else []
     files = (place / name for name in names)
-    return [file for file in files if file.is_file() and _holds(file, key) is not False][:1]
+    kept = (True, None) if damaged else (True,)
+    return [file for file in files if file.is_file() and _is_of(file, holds) in kept][:1]
 
 
-def _holds(file: Path, key: str) -> bool | None:
-    """Whether the file is a JSON object with ``key``; None where it cannot be read."""
+def _is_of(file: Path, holds: Callable[[Any], bool]) -> bool | None:
+    """Whether the file is such JSON; None where it cannot be read."""
     try:
         data = read_json(file)
     except (OSError, ValueError):
         return None
-    return isinstance(data, dict) and key in data
+    return holds(data)

@@ -39,9 +39,9 @@ def find_poses(place: Path) -> tuple[PoseFormat, Path]:
             where=place if place.is_dir() else place.parent,
             cure="Give the folder that holds them, see docs/formats.md.",
         )
-    read_json(place)  # says that it is missing, or damaged
-    keys = " nor ".join(f"'{key}'" for key in sorted(record.key for record in FORMATS if record.key))
-    raise CaptureError(f"the file has neither {keys}", where=place, cure=f"Give a {known}.")
+    cure = f"Give a {known} (docs/formats.md): most programs that solve poses export one of these."
+    read_json(place, cure)  # says that it is missing, or what it is
+    raise CaptureError("the file is of no kind of poses that is read", where=place, cure=cure)
 
 
 def find_export(folder: Path) -> tuple[PoseFormat, Path] | None:

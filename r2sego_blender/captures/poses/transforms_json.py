@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 
 from ...core.errors import CaptureError
+from ...core.file_names import caseless
+from ...core.printable import printable
 from ...core.progress import SILENT, Progress
 from ..lenses.distortion import COEFFICIENTS
 from ..lenses.lens import Lens
 from . import json_fields as fields
 from .finding import find_beside, find_photographs
-from .photographs import Photograph, photograph_size, with_unique_names
+from .photographs import Photograph, photograph_size, require_lens_of_size, with_unique_names
 
 # OpenGL cameras look along -z with y up, OpenCV's along +z with y down.
 GL_FROM_CV = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -23,32 +25,85 @@ _PINHOLES = frozenset({"", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE"})
 _RADIAL = frozenset({"OPENCV", "SIMPLE_RADIAL", "RADIAL", "FULL_OPENCV"})
 _FISHEYES = frozenset({"OPENCV_FISHEYE", "FISHEYE"})
 _ARIA = "FISHEYE624"
+_LISTED = 4
 
 
-def read_transforms_json(path: Path, folder: Path, progress: Progress = SILENT) -> tuple[list[Photograph], bool]:
+def read_transforms_json(
+    path: Path, folder: Path, progress: Progress = SILENT, held_out: bool = False
+) -> tuple[list[Photograph], bool]:
     """The photographs of a ``transforms.json``, and whether it declares its poses metric.
+
+    Those of ``kept_frames``, to whom ``held_out`` belongs.
 
     Intrinsics stand in the file or in each frame: ``fl_x``, ``camera_angle_x`` (radians) or
     ``x_fov`` (degrees), and optionally ``fl_y, cx, cy, w, h, k1, k2, k3, k4, p1, p2``.
-    Photographs that are missing are left out with a warning. ``mask_path`` is noted; ``applied_transform``,
-    depth and what else programs write are passed over: the frame of the poses may be any.
+    Photographs that are missing are left out with a warning. ``mask_path`` and ``depth_file_path`` are noted;
+    ``applied_transform`` and what else programs write are passed over: the frame of the poses may be any.
     """
     data = fields.read_json(path)
-    frames = fields.entries(data, "frames", path)
-    names = [fields.text("file_path", path, f"frames[{i}]", frame) for i, frame in enumerate(frames)]
+    frames = kept_frames(data, path, progress, held_out)
+    names = [fields.text("file_path", path, field, frame) for field, frame in frames.items()]
     paths = find_photographs(names, (path.parent, folder), path, progress, guess_suffix=True)
     photographs = []
-    for index, (frame, name, image_path) in enumerate(zip(frames, names, paths, strict=True)):
+    for (field, frame), name, image_path in zip(frames.items(), names, paths, strict=True):
         if image_path is None:
             continue
-        field = f"frames[{index}]"
         source = f"{path}, {field}"
         pose = fields.matrix("transform_matrix", path, field, frame) @ GL_FROM_CV
         lens = _lens((frame, data), image_path, path, field)
         mask = frame.get("mask_path")
         mask_path = find_beside(mask, (path.parent, folder)) if isinstance(mask, str) else None
-        photographs.append(Photograph(name, image_path, lens, pose, source, mask_path))
+        depth = frame.get("depth_file_path")
+        depth_path = find_beside(depth, (path.parent, folder)) if isinstance(depth, str) else None
+        photographs.append(Photograph(name, image_path, lens, pose, source, mask_path, depth_path=depth_path))
     return with_unique_names(photographs), data.get("metric") is True
+
+
+def kept_frames(
+    data: Mapping[str, Any], path: Path, progress: Progress = SILENT, held_out: bool = False
+) -> dict[str, dict[str, Any]]:
+    """The frames to import by their fields, ``frames[0]``: none that is marked ``is_bad``, or held out.
+
+    Held out are those in ``test_filenames`` and ``val_filenames`` but not in ``train_filenames``; with
+    ``held_out`` they alone are given, where there are any. What is left out is told.
+    """
+    frames = fields.entries(data, "frames", path)
+    listed = {f"frames[{index}]": frame for index, frame in enumerate(frames)}
+    bad = {field: frame for field, frame in listed.items() if frame.get("is_bad") is True}
+    _tell_left_out(bad, "marked 'is_bad'", len(frames), progress)
+    listed = {field: frame for field, frame in listed.items() if field not in bad}
+    tested, validated, trained = (_names(data, f"{part}_filenames", path) for part in ("test", "val", "train"))
+    names = (tested | validated) - trained
+    held = {field: frame for field, frame in listed.items() if _comparable(frame.get("file_path")) in names}
+    if len(held) < len(names - {_comparable(frame.get("file_path")) for frame in bad.values()}):
+        progress.message(
+            f"{path}: some of the {len(names)} names in 'test_filenames' and 'val_filenames' are no frame's", "warning"
+        )
+    if held_out and held:
+        return held
+    if not held_out:
+        _tell_left_out(held, "held out ('test_filenames', 'val_filenames')", len(frames), progress)
+    return {field: frame for field, frame in listed.items() if field not in held}
+
+
+def _names(data: Mapping[str, Any], key: str, path: Path) -> set[str]:
+    """The names of files under ``key``, as ``_comparable`` has them."""
+    names = data.get(key) or ()
+    if not isinstance(names, list | tuple) or not all(isinstance(name, str) for name in names):
+        raise CaptureError(f"'{key}' is no list of names", where=path, cure="See docs/formats.md.")
+    return set(map(_comparable, names))
+
+
+def _comparable(name: object) -> str:
+    return caseless(Path(str(name).replace("\\", "/")).as_posix())
+
+
+def _tell_left_out(frames: Mapping[str, Mapping[str, Any]], why: str, count: int, progress: Progress) -> None:
+    if frames:
+        names = [printable(str(frame.get("file_path"))) for frame in frames.values()]
+        more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+        told = ", ".join(names[:_LISTED]) + more
+        progress.message(f"{len(frames)} of the {count} frames are {why} and left out: {told}")
 
 
 def _lens(places: tuple[Mapping[str, Any], ...], image_path: Path, path: Path, field: str) -> Lens:
@@ -65,7 +120,11 @@ def _lens(places: tuple[Mapping[str, Any], ...], image_path: Path, path: Path, f
     cx = fields.number("cx", path, field, *places, default=width / 2)
     cy = fields.number("cy", path, field, *places, default=height / 2)
     distortion, model = _distortion(places, path, field)
-    return Lens(width, height, fx, fy, cx, cy, distortion, model)
+    lens = Lens(width, height, fx, fy, cx, cy, distortion, model)
+    in_pixels = any(key in place for place in places for key in ("fl_x", "fl_y"))
+    if in_pixels and not any("w" in place for place in places):
+        require_lens_of_size(lens, f"{path}, {field}", ("w", "h"))
+    return lens
 
 
 def _size(places: tuple[Mapping[str, Any], ...], image_path: Path, path: Path, field: str) -> tuple[int, int]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,13 @@ _LARGEST_FILE_BYTES = 256 * 1024 * 1024
 _MOST_EXR_BYTES = 4 << 30
 _ASPECT_TOLERANCE = 0.02
 _EXR_TIMEOUT_S = 60.0
+# ARKit has three levels of confidence, 0 to 2, which some apps spread over 8 bits.
+_HIGHEST_CONFIDENCE = (2, 255, 65535)
+_LESS_SURE = 2.0
+
+
+MILLIMETRE_M = 0.001
+"""The usual unit of depth maps of whole numbers."""
 
 
 @dataclass(frozen=True)
@@ -31,23 +39,26 @@ class SensorDepth:
     """A folder of depth maps that are called as the photographs are, but for the suffix; those of
     photographs that share a name as ``layout.mask_stems`` calls them.
 
-    Whole numbers are millimetres (16-bit PNG or TIFF), floats metres (EXR, NPY, or NPZ with
+    Whole numbers are of ``unit_m`` metres (16-bit PNG or TIFF), floats metres (EXR, NPY, or NPZ with
     an array ``depth`` or a single one); depth is planar, 0 unknown, of any size with the
     photograph's shape. Where ``confidence`` has a map of the same name its zeros are not
-    believed, nor is depth beyond ``range_m``.
+    believed, nor is depth beyond ``range_m``. Where a file of poses names the maps, ``files`` has
+    them by the captures' names, and they alone count.
     """
 
     folder: Path
     confidence: Path | None = None
     range_m: float = _FARTHEST_M
+    unit_m: float = MILLIMETRE_M
+    files: Mapping[str, Path] = field(default_factory=dict)
 
     @staticmethod
-    def beside(folder: Path) -> SensorDepth:
+    def beside(folder: Path, unit_m: float = MILLIMETRE_M) -> SensorDepth:
         """The maps in ``folder``, with those of a folder ``confidence`` next to it, if any."""
         if not folder.is_dir():
             raise CaptureError("there is no such folder", where=folder, cure="Give the folder of depth maps.")
         confidence = folder.parent / "confidence"
-        return SensorDepth(folder, confidence if confidence.is_dir() else None)
+        return SensorDepth(folder, confidence if confidence.is_dir() else None, unit_m=unit_m)
 
     def of(self, capture: Capture, stem: str) -> np.ndarray | None:
         """The map (h, w) float32 of a capture's upright photograph in metres, 0 = unknown.
@@ -55,14 +66,23 @@ class SensorDepth:
         ``stem`` is what its files are called. None when there is none. Raises CaptureError
         when it is damaged or of another shape.
         """
-        path = _named(self.folder, stem, _SUFFIXES)
+        found = self.with_doubt(capture, stem)
+        return None if found is None else found[0]
+
+    def with_doubt(self, capture: Capture, stem: str) -> tuple[np.ndarray, np.ndarray] | None:
+        """As ``of``, with how many times its usual error each depth may be off (h, w) float32.
+
+        That is 1 at the sensor's highest confidence and twice that below.
+        """
+        path = self.files.get(capture.name) if self.files else _named(self.folder, stem, _SUFFIXES)
         if path is None:
             return None
-        depth = _metres(path)
+        depth = _metres(path, self.unit_m)
+        doubt: np.ndarray = np.ones(depth.shape, np.float32)
         if self.confidence is not None:
             sure = _named(self.confidence, stem, _CONFIDENCE_SUFFIXES)
             if sure is not None:
-                believed = _read_image(sure) > 0
+                believed = _read_image(sure)
                 if believed.shape != depth.shape:
                     raise CaptureError(
                         f"the confidence is {believed.shape[1]}x{believed.shape[0]}, the depth "
@@ -70,16 +90,18 @@ class SensorDepth:
                         where=sure,
                         cure="Export both again.",
                     )
-                depth[~believed] = 0.0
+                depth[believed == 0] = 0.0
+                highest = next(level for level in _HIGHEST_CONFIDENCE if believed.max(initial=0) <= level)
+                doubt[believed < highest] = _LESS_SURE
         depth[depth > self.range_m] = 0.0
-        return _upright(depth, capture, path)
+        return _upright(depth, capture, path), _upright(doubt, capture, path)
 
 
 def _named(folder: Path, stem: str, suffixes: tuple[str, ...]) -> Path | None:
     return next((p for suffix in suffixes if (p := folder / f"{stem}{suffix}").is_file()), None)
 
 
-def _metres(path: Path) -> np.ndarray:
+def _metres(path: Path, unit_m: float) -> np.ndarray:
     if path.stat().st_size > _LARGEST_FILE_BYTES:
         raise _unreadable(path, "it is too large")
     if path.suffix in (".npy", ".npz"):
@@ -95,7 +117,7 @@ def _metres(path: Path) -> np.ndarray:
     if values.dtype == np.uint8:
         raise _unreadable(path, "it has 8 bits, which are no millimetres")
     with np.errstate(over="ignore", invalid="ignore"):  # what is no depth is none in float32 either
-        metres = values.astype(np.float32) * np.float32(1.0 if values.dtype.kind == "f" else 0.001)
+        metres = values.astype(np.float32) * np.float32(1.0 if values.dtype.kind == "f" else unit_m)
     return np.where(np.isfinite(metres) & (metres > 0) & (metres < _FARTHEST_M), metres, np.float32(0.0))
 
 

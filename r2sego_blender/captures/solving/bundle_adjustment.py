@@ -1,4 +1,4 @@
-"""Bundle adjustment of poses that are nearly right: their priors hold what the tracks leave open.
+"""Bundle adjustment of poses that are nearly right, and of lenses: priors hold what the tracks leave open.
 
 Levenberg-Marquardt on reprojection errors (Triggs et al., "Bundle Adjustment - A Modern
 Synthesis", 2000, Sec. 6: the points are eliminated by their Schur complement), with Cauchy's
@@ -27,6 +27,16 @@ _AT_REST = 1e-3
 _DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-6, 1e-12, 1e8
 # Share of the usual distance below which nothing is divided by a depth.
 _NEAREST_SHARE = 1e-3
+# With free lenses the errors of wrong ones are those of tens of pixels first.
+_LENS_WIDTHS_PX = (16.0, *_LOSS_WIDTHS_PX)
+LENS_TERMS = 5
+"""Of a lens's correction: the logarithm of the focal length's factor, the principal point's shift along
+x and y in focal lengths, and the radial coefficients k1 and k2 beyond the lens as it is."""
+# Radial terms grow no further beyond this many times the squared radius of a picture's corners: points that
+# for now lie beside a camera would tell the lens.
+_BEYOND_CORNERS = 2.0
+# Standard deviations of these, wide: they hold what no track tells alone.
+_LENS_SIGMA = np.array([0.3, 0.1, 0.1, 0.3, 0.3])
 
 
 class Tracks(NamedTuple):
@@ -60,19 +70,67 @@ def adjusted(
     the priors alone decide, so that the given poses' frame and scale are kept in the sense
     of least squares. A camera without tracks stays where it is.
     """
-    tracks = Tracks.of(pixels)
+    state = _given(cameras, points, np.zeros((1, LENS_TERMS)))
+    problem = _Problem(cameras, Tracks.of(pixels), state, np.repeat([centre_sigma, rotation_sigma_rad], 3))
+    for width_px in _LOSS_WIDTHS_PX:
+        state = _minimised(problem, state, width_px)
+    return _at(cameras, state), state.points
+
+
+class AdjustedLenses(NamedTuple):
+    """Cameras with their poses adjusted and their lenses as given, points (P, 3), and what corrects the lenses.
+
+    ``terms`` and ``sigma`` (G, LENS_TERMS) float64 are each group's correction and its standard
+    deviations, where a keypoint's is a pixel; both are 0 where a term was not free. ``errors_px`` (m,)
+    are the tracks' reprojection errors under it.
+    """
+
+    cameras: tuple[Camera, ...]
+    points: np.ndarray
+    terms: np.ndarray
+    sigma: np.ndarray
+    errors_px: np.ndarray
+
+
+def adjusted_lenses(
+    cameras: Sequence[Camera],
+    points: np.ndarray,
+    pixels: np.ndarray,
+    centre_sigma: float,
+    rotation_sigma_rad: float,
+    group: np.ndarray,
+    free: np.ndarray,
+    terms: np.ndarray,
+) -> AdjustedLenses:
+    """As ``adjusted``, with the terms of lenses that are ``free`` (G, LENS_TERMS) bool.
+
+    ``group`` (N,) int64 says whose lens each camera has, ``terms`` (G, LENS_TERMS) where the search begins.
+    """
+    state = _given(cameras, points, np.where(free, terms, 0.0))
     sigma = np.repeat([centre_sigma, rotation_sigma_rad], 3)
-    state = _State(
+    problem = _Problem(cameras, Tracks.of(pixels), state, sigma, _FreeLenses(group, free))
+    for width_px in _LENS_WIDTHS_PX:
+        state = _minimised(problem, state, width_px)
+    spread = np.zeros(free.shape)
+    if free.any():
+        spread[free] = np.sqrt(_System(problem, state, width_px).covariance().diagonal()[6 * len(cameras) :])
+    errors_px = np.linalg.norm(problem.errors_px(problem.local(state)[0], state), axis=1)
+    return AdjustedLenses(_at(cameras, state), state.points, state.lenses, spread, errors_px)
+
+
+def _given(cameras: Sequence[Camera], points: np.ndarray, lenses: np.ndarray) -> _State:
+    return _State(
         np.stack([c.world_from_camera[:3, :3] for c in cameras]),
         np.stack([c.centre for c in cameras]),
         np.asarray(points, np.float64),
+        lenses,
     )
-    problem = _Problem(cameras, tracks, state, sigma)
-    for width_px in _LOSS_WIDTHS_PX:
-        state = _minimised(problem, state, width_px)
+
+
+def _at(cameras: Sequence[Camera], state: _State) -> tuple[Camera, ...]:
     poses = np.tile(np.eye(4), (len(cameras), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = state.rotations, state.centres
-    return tuple(c.at(pose) for c, pose in zip(cameras, poses, strict=True)), state.points
+    return tuple(c.at(pose) for c, pose in zip(cameras, poses, strict=True))
 
 
 def reprojection_errors(cameras: Sequence[Camera], points: np.ndarray, pixels: np.ndarray) -> np.ndarray:
@@ -87,22 +145,50 @@ def reprojection_errors(cameras: Sequence[Camera], points: np.ndarray, pixels: n
 
 
 class _State(NamedTuple):
-    """Rotations (N, 3, 3) and centres (N, 3), world from camera, and points (P, 3)."""
+    """Rotations (N, 3, 3) and centres (N, 3), world from camera, points (P, 3), and lenses (G, LENS_TERMS)."""
 
     rotations: np.ndarray
     centres: np.ndarray
     points: np.ndarray
+    lenses: np.ndarray
 
-    def moved(self, poses: np.ndarray, points: np.ndarray) -> _State:
-        """After steps (N, 6) of centres and rotations (about the world's axes) and of points."""
-        turns = Rotation.from_rotvec(poses[:, 3:]).as_matrix()
-        return _State(turns @ self.rotations, self.centres + poses[:, :3], self.points + points)
+    def moved(self, step: _Step) -> _State:
+        """After steps of centres and rotations (about the world's axes), of points and of lenses."""
+        turns = Rotation.from_rotvec(step.poses[:, 3:]).as_matrix()
+        return _State(
+            turns @ self.rotations,
+            self.centres + step.poses[:, :3],
+            self.points + step.points,
+            self.lenses + step.lenses,
+        )
+
+
+class _Step(NamedTuple):
+    """Of poses (N, 6), points (P, 3) and lenses (G, LENS_TERMS)."""
+
+    poses: np.ndarray
+    points: np.ndarray
+    lenses: np.ndarray
+
+
+class _FreeLenses(NamedTuple):
+    """``group`` (N,) int64: whose lens each camera has; ``free`` (G, LENS_TERMS) bool: which of its terms are."""
+
+    group: np.ndarray
+    free: np.ndarray
 
 
 class _Problem:
-    """What does not change while it is solved."""
+    """What does not change while it is solved. Without ``lenses`` these stay as they are."""
 
-    def __init__(self, cameras: Sequence[Camera], tracks: Tracks, given: _State, sigma: np.ndarray) -> None:
+    def __init__(
+        self,
+        cameras: Sequence[Camera],
+        tracks: Tracks,
+        given: _State,
+        sigma: np.ndarray,
+        lenses: _FreeLenses | None = None,
+    ) -> None:
         self.tracks, self.given, self.sigma = tracks, given, sigma
         self.focal = np.array([[c.fx, c.fy] for c in cameras])[tracks.camera]
         self.principal = np.array([[c.cx, c.cy] for c in cameras])[tracks.camera]
@@ -112,6 +198,9 @@ class _Problem:
         ones, order = np.ones(count), np.arange(count)
         self.of_cameras = scipy.sparse.csr_array((ones, (tracks.camera, order)), (len(cameras), count))
         self.of_points = scipy.sparse.csr_array((ones, (tracks.point, order)), (len(given.points), count))
+        self.lenses = lenses
+        corners = np.array([[max(c.cx, c.width - c.cx) / c.fx, max(c.cy, c.height - c.cy) / c.fy] for c in cameras])
+        self.outermost = _BEYOND_CORNERS * (corners**2).sum(axis=1)[tracks.camera][:, None]
 
     def local(self, state: _State) -> tuple[np.ndarray, np.ndarray]:
         """Points in their cameras (m, 3) and rotations (m, 3, 3).
@@ -124,9 +213,35 @@ class _Problem:
         local[:, 2] = np.maximum(local[:, 2], self.nearest)
         return local, rotations
 
-    def errors_px(self, local: np.ndarray) -> np.ndarray:
+    def errors_px(self, local: np.ndarray, state: _State) -> np.ndarray:
         """(m, 2) projections less measurements."""
-        return local[:, :2] / local[:, 2:] * self.focal + self.principal - self.tracks.pixels
+        if self.lenses is None:
+            return local[:, :2] / local[:, 2:] * self.focal + self.principal - self.tracks.pixels
+        seen = _Seen(self, self.lenses, local, state)
+        centre = self.principal + self.focal * seen.lens[:, 1:3]
+        return seen.zoomed * seen.rays * seen.radial + centre - self.tracks.pixels
+
+    def slopes(self, local: np.ndarray, state: _State) -> tuple[np.ndarray, np.ndarray | None]:
+        """Derivatives of pixels: (m, 2, 3) by local points, and (m, 2, LENS_TERMS) by lenses where any is free."""
+        slope = np.zeros((len(local), 2, 3))
+        if self.lenses is None:
+            slope[:, (0, 1), (0, 1)] = self.focal / local[:, 2:]
+            slope[:, :, 2] = -self.focal * local[:, :2] / local[:, 2:] ** 2
+            return slope, None
+        seen = _Seen(self, self.lenses, local, state)
+        squares = seen.squares
+        bent = (2.0 * seen.lens[:, 3:4] + 4.0 * seen.lens[:, 4:5] * squares) * seen.rays * seen.inside
+        by_ray = seen.rays[:, :, None] * bent[:, None, :]
+        by_ray[:, (0, 1), (0, 1)] += seen.radial
+        by_ray *= seen.zoomed[:, :, None]
+        slope[:, :, :2] = by_ray / local[:, 2:, None]
+        slope[:, :, 2] = -np.einsum("kij,kj->ki", by_ray, seen.rays) / local[:, 2:]
+        by_lens = np.zeros((len(local), 2, LENS_TERMS))
+        by_lens[:, :, 0] = seen.zoomed * seen.rays * seen.radial
+        by_lens[:, (0, 1), (1, 2)] = self.focal
+        by_lens[:, :, 3] = seen.zoomed * seen.rays * squares
+        by_lens[:, :, 4] = by_lens[:, :, 3] * squares
+        return slope, by_lens
 
     def off_prior(self, state: _State) -> np.ndarray:
         """(N, 6) how far centres and rotations are from the given ones, in deviations."""
@@ -135,9 +250,23 @@ class _Problem:
         return off / self.sigma
 
     def cost(self, state: _State, width_px: float) -> float:
-        squares = (self.errors_px(self.local(state)[0]) ** 2).sum(axis=1)
+        squares = (self.errors_px(self.local(state)[0], state) ** 2).sum(axis=1)
         loss = width_px**2 * np.log1p(squares / width_px**2)
-        return float(loss.sum() + (self.off_prior(state) ** 2).sum())
+        cost = float(loss.sum() + (self.off_prior(state) ** 2).sum())
+        return cost if self.lenses is None else cost + float(((state.lenses / _LENS_SIGMA) ** 2).sum())
+
+
+class _Seen:
+    """Measurements through lenses that are being corrected: rays (m, 2) and what becomes of them."""
+
+    def __init__(self, problem: _Problem, lenses: _FreeLenses, local: np.ndarray, state: _State) -> None:
+        self.lens = state.lenses[lenses.group[problem.tracks.camera]]
+        self.rays = local[:, :2] / local[:, 2:]
+        squares = (self.rays**2).sum(axis=1, keepdims=True)
+        self.squares = np.minimum(squares, problem.outermost)
+        self.inside = squares < problem.outermost
+        self.radial = 1.0 + self.squares * (self.lens[:, 3:4] + self.squares * self.lens[:, 4:5])
+        self.zoomed = problem.focal * np.exp(self.lens[:, :1])
 
 
 def _minimised(problem: _Problem, state: _State, width_px: float) -> _State:
@@ -145,8 +274,8 @@ def _minimised(problem: _Problem, state: _State, width_px: float) -> _State:
     for _ in range(_MAX_STEPS):
         system = _System(problem, state, width_px)
         while damping < _MOST_DAMPING:
-            poses, points = system.step(damping)
-            tried = state.moved(poses, points)
+            step = system.step(damping)
+            tried = state.moved(step)
             tried_cost = problem.cost(tried, width_px)
             if tried_cost <= cost:
                 break
@@ -154,7 +283,8 @@ def _minimised(problem: _Problem, state: _State, width_px: float) -> _State:
         else:
             return state
         state, cost = tried, tried_cost
-        if damping == _LEAST_DAMPING and np.abs(poses / problem.sigma).max() < _AT_REST:
+        at_rest = np.abs(step.poses / problem.sigma).max() < _AT_REST and np.abs(step.lenses).max() < _AT_REST
+        if damping == _LEAST_DAMPING and at_rest:
             return state
         damping = max(damping / 100.0, _LEAST_DAMPING)
     return state
@@ -165,12 +295,9 @@ class _System:
 
     def __init__(self, problem: _Problem, state: _State, width_px: float) -> None:
         local, rotations = problem.local(state)
-        errors = problem.errors_px(local)
+        errors = problem.errors_px(local, state)
         weight = 1.0 / (1.0 + (errors**2).sum(axis=1) / width_px**2)
-        # d pixels / d local, (m, 2, 3)
-        slope = np.zeros((len(local), 2, 3))
-        slope[:, (0, 1), (0, 1)] = problem.focal / local[:, 2:]
-        slope[:, :, 2] = -problem.focal * local[:, :2] / local[:, 2:] ** 2
+        slope, by_lens = problem.slopes(local, state)
         by_point = slope @ rotations.transpose(0, 2, 1)
         offset = state.points[problem.tracks.point] - state.centres[problem.tracks.camera]
         by_pose = np.concatenate([-by_point, np.cross(by_point, offset[:, None, :])], axis=2)
@@ -191,21 +318,84 @@ class _System:
         self.point_slope = problem.of_points @ slope_of_points
         self.starts = np.concatenate([[0], np.cumsum(np.bincount(self.tracks.camera, minlength=cameras))])
         self.shape = 6 * cameras, 3 * points
+        self.lens_shape = state.lenses.shape
+        self.lenses: _LensRows | None = None
+        if by_lens is not None and problem.lenses is not None:
+            weighed_lens = (by_lens * weight[:, None, None]).transpose(0, 2, 1)
+            self.lenses = _LensRows(
+                problem, problem.lenses, state, by_lens, weighed_lens, weighed_pose, by_point, errors
+            )
 
-    def step(self, damping: float) -> tuple[np.ndarray, np.ndarray]:
-        """Steps of poses (N, 6) and points (P, 3) that minimise the damped quadratic model."""
+    def step(self, damping: float) -> _Step:
+        """The steps that minimise the damped quadratic model."""
         inverse = np.linalg.inv(_damped(self.points, damping))
-        reduced = self.mixed @ inverse[self.tracks.point]
-        mixed, eliminated = self._blocks(self.mixed), self._blocks(reduced)
+        mixed, schur, slope = self._reduced(damping, inverse)
+        found = -scipy.linalg.solve(schur, slope, assume_a="sym")
+        poses, lenses = found[: self.shape[0]], np.zeros(self.lens_shape)
+        rest = self.point_slope + (mixed.T @ poses).reshape(-1, 3)
+        if self.lenses is not None:
+            lenses[self.lenses.free] = found[self.shape[0] :]
+            rest += np.tensordot(found[self.shape[0] :], self.lenses.by_points, 1)
+        return _Step(poses.reshape(-1, 6), -np.einsum("kij,kj->ki", inverse, rest), lenses)
+
+    def covariance(self) -> np.ndarray:
+        """Of poses and the free terms of lenses."""
+        return np.linalg.inv(self._reduced(0.0, np.linalg.inv(_damped(self.points, 0.0)))[1])
+
+    def _reduced(self, damping: float, inverse: np.ndarray) -> tuple[scipy.sparse.bsr_array, np.ndarray, np.ndarray]:
+        """Blocks of poses and points, and the Schur complement and slope once points are eliminated."""
+        mixed, eliminated = self._blocks(self.mixed), self._blocks(self.mixed @ inverse[self.tracks.point])
         schur = scipy.linalg.block_diag(*_damped(self.poses, damping)) - (eliminated @ mixed.T).toarray()
         slope = self.pose_slope.ravel() - eliminated @ self.point_slope.ravel()
-        poses = -scipy.linalg.solve(schur, slope, assume_a="sym")
-        rest = self.point_slope + (mixed.T @ poses).reshape(-1, 3)
-        return poses.reshape(-1, 6), -np.einsum("kij,kj->ki", inverse, rest)
+        if self.lenses is None:
+            return mixed, schur, slope
+        rows = self.lenses.by_points.reshape(-1, self.shape[1])
+        lens_eliminated = np.einsum("fki,kij->fkj", self.lenses.by_points, inverse).reshape(rows.shape)
+        crossed = self.lenses.by_poses - (mixed @ lens_eliminated.T).T
+        own = self.lenses.own + np.diag(damping * self.lenses.own.diagonal()) - lens_eliminated @ rows.T
+        slope = np.concatenate([slope, self.lenses.slope - lens_eliminated @ self.point_slope.ravel()])
+        return mixed, np.block([[schur, crossed.T], [crossed, own]]), slope
 
     def _blocks(self, values: np.ndarray) -> scipy.sparse.bsr_array:
         """Blocks (m, 6, 3) of cameras and points as a sparse matrix."""
         return scipy.sparse.bsr_array((values, self.tracks.point, self.starts), shape=self.shape)
+
+
+class _LensRows:
+    """The rows of the normal equations that the free terms of lenses have."""
+
+    def __init__(
+        self,
+        problem: _Problem,
+        lenses: _FreeLenses,
+        state: _State,
+        by_lens: np.ndarray,
+        weighed_lens: np.ndarray,
+        weighed_pose: np.ndarray,
+        by_point: np.ndarray,
+        errors: np.ndarray,
+    ) -> None:
+        self.free = lenses.free
+        chosen = np.flatnonzero(self.free.ravel())
+        count, terms = len(self.free), LENS_TERMS
+        cameras, points = len(state.centres), len(state.points)
+        of_groups = scipy.sparse.csr_array((np.ones(cameras), (lenses.group, np.arange(cameras))), (count, cameras))
+        own = _summed(of_groups, _summed(problem.of_cameras, weighed_lens @ by_lens))
+        own[:, range(terms), range(terms)] += _LENS_SIGMA**-2.0
+        self.own = scipy.linalg.block_diag(*own)[np.ix_(chosen, chosen)]
+        by_poses = np.zeros((count, terms, cameras, 6))
+        shared = _summed(problem.of_cameras, weighed_pose.transpose(0, 2, 1) @ by_lens)
+        by_poses[lenses.group, :, np.arange(cameras)] = shared.transpose(0, 2, 1)
+        self.by_poses = by_poses.reshape(count * terms, -1)[chosen]
+        slope = of_groups @ (problem.of_cameras @ np.einsum("kji,ki->kj", weighed_lens, errors))
+        self.slope = (slope + state.lenses / _LENS_SIGMA**2).ravel()[chosen]
+        # Each group's measurements of a point are summed: (free terms, P, 3).
+        place = lenses.group[problem.tracks.camera] * points + problem.tracks.point
+        summing = scipy.sparse.csr_array(
+            (np.ones(len(place)), (place, np.arange(len(place)))), (count * points, len(place))
+        )
+        by_points = _summed(summing, weighed_lens @ by_point).reshape(count, points, terms, 3)
+        self.by_points = by_points.transpose(0, 2, 1, 3).reshape(count * terms, points, 3)[chosen]
 
 
 def _damped(blocks: np.ndarray, damping: float) -> np.ndarray:

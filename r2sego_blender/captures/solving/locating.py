@@ -7,7 +7,7 @@ is known, from sparse points and, where given, dense depth; the pose follows by 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ from ...core.images import image_files
 from ...core.progress import SILENT, Progress
 from ..capture import Capture
 from ..matching.features import Features, match, sift
+from ..matching.xfeat import LEAST_EXPECTED, match_xfeat
 from ..poses.photographs import upright_size
 from ..sparse_points import SparsePoints
 from .pnp import PoseEstimate, estimate_pose
@@ -66,11 +67,7 @@ def landmarks(
     descriptors, points = [], []
     for index, capture in enumerate(progress.track(captures, "Finding landmarks")):
         features = sift(capture.image(), settings.max_features)
-        places = _sparse_places(features, sparse, index)
-        if depths is not None:
-            unknown = np.isnan(places[:, 0])
-            dense = _dense_places(features.keypoints, np.asarray(depths[index]), capture.camera)
-            places[unknown] = dense[unknown]
+        places = _places(features, capture, index, sparse, depths)
         known = np.isfinite(places).all(axis=1)
         descriptors.append(features.descriptors[known])
         points.append(places[known])
@@ -97,14 +94,22 @@ def locate_views(
     if not paths:
         raise CaptureError("there are no photographs", where=folder, cure="Give a folder of photographs.")
     known = landmarks(captures, sparse, settings, depths, progress)
+    views = [_unposed(path, captures) for path in paths]
+    estimates = [
+        locate(view.image(), view.camera, known, settings, seed)
+        for view in progress.track(views, "Locating photographs")
+    ]
+    missed = [index for index, estimate in enumerate(estimates) if estimate is None]
+    if missed and settings.matcher == "xfeat":
+        wider = _locate_by_xfeat([views[i] for i in missed], captures, sparse, settings, depths, seed, progress)
+        for index, found in zip(missed, wider, strict=True):
+            estimates[index] = found
     located = []
-    for path in progress.track(paths, "Locating photographs"):
-        view = _unposed(path, captures)
-        estimate = locate(view.image(), view.camera, known, settings, seed)
+    for view, estimate in zip(views, estimates, strict=True):
         if estimate is None:
-            progress.message(f"{path.name}: cannot be located among the captures", level="warning")
+            progress.message(f"{view.name}: cannot be located among the captures", level="warning")
         else:
-            located.append(Capture(view.name, path, estimate.camera, view.lens))
+            located.append(replace(view, camera=estimate.camera))
     if not located:
         raise CaptureError(
             f"none of the {len(paths)} photographs can be located among the captures",
@@ -119,11 +124,45 @@ def locate(
 ) -> PoseEstimate | None:
     """The pose of an undistorted image (H, W, 3) with ``camera``'s lens, or None."""
     features = sift(image, settings.max_features)
-    pixels, points = known.matched(features, settings.match_ratio)
+    return _posed(*known.matched(features, settings.match_ratio), camera, settings, seed)
+
+
+def _posed(
+    pixels: np.ndarray, points: np.ndarray, camera: Camera, settings: CaptureSettings, seed: int
+) -> PoseEstimate | None:
     estimate = estimate_pose(pixels, points, camera, _INLIER_ERROR_PX, seed)
     if estimate is None or estimate.inlier_count < settings.min_matches:
         return None
     return estimate
+
+
+def _locate_by_xfeat(
+    views: Sequence[Capture],
+    captures: Sequence[Capture],
+    sparse: SparsePoints,
+    settings: CaptureSettings,
+    depths: Sequence[np.ndarray] | None,
+    seed: int,
+    progress: Progress,
+) -> list[PoseEstimate | None]:
+    """As ``locate``, of views that lie too far from the captures for SIFT."""
+    count = len(captures)
+    among = [(i, count + k) for k in range(len(views)) for i in range(count)]
+    images = [capture.image() for capture in (*captures, *views)]
+    found = match_xfeat(images, among, settings, progress, "Locating photographs from afar", LEAST_EXPECTED)
+    if found is None:
+        return [None] * len(views)
+    places = [_places(found.features[i], one, i, sparse, depths) for i, one in enumerate(captures)]
+    estimates = []
+    for k, view in enumerate(views):
+        pixels, points = [np.zeros((0, 2))], [np.zeros((0, 3))]
+        for i in range(count):
+            matches = found.pairs.get((i, count + k), np.zeros((0, 2), np.int32))
+            known = matches[np.isfinite(places[i][matches[:, 0]]).all(axis=1)]
+            pixels.append(found.features[count + k].keypoints[known[:, 1]])
+            points.append(places[i][known[:, 0]])
+        estimates.append(_posed(np.concatenate(pixels), np.concatenate(points), view.camera, settings, seed))
+    return estimates
 
 
 def _unposed(path: Path, captures: Sequence[Capture]) -> Capture:
@@ -145,6 +184,18 @@ def _unposed(path: Path, captures: Sequence[Capture]) -> Capture:
         where=path,
         cure="Take held-out photographs with the captures' camera, held the same way, without zoom.",
     )
+
+
+def _places(
+    features: Features, capture: Capture, index: int, sparse: SparsePoints, depths: Sequence[np.ndarray] | None
+) -> np.ndarray:
+    """(n, 3) world points of the features of capture ``index``, NaN where unknown."""
+    places = _sparse_places(features, sparse, index)
+    if depths is not None:
+        unknown = np.isnan(places[:, 0])
+        dense = _dense_places(features.keypoints, np.asarray(depths[index]), capture.camera)
+        places[unknown] = dense[unknown]
+    return places
 
 
 def _sparse_places(features: Features, sparse: SparsePoints, index: int) -> np.ndarray:

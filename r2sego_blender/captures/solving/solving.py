@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from copy import copy
+from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,10 +22,12 @@ from ...workers.child import call_in_child
 from ..colmap import load_pycolmap
 from ..keyframes.choosing import photograph_keyframes
 from ..matching.features import Features, epipolar_errors, sift
-from ..matching.overlap import Pairs, load_matches, match_all, save_matches, write_database
+from ..matching.overlap import Matched, Pairs, load_matches, match_all, save_matches, write_database
+from ..matching.xfeat import LEAST_EXPECTED, NAME, match_xfeat, runs
 from ..poses.colmap_model import camera_to_json, lens_from_json
 from ..poses.photographs import MIN_CAPTURES, Photograph
 from ..poses.plain_folder import plain_photographs
+from .solved_lenses import with_lenses_that_can_be_undone
 
 _MIN_REGISTERED_SHARE = 0.6
 # COLMAP's defaults ask for 100 inliers and 16 degrees of the first pair and 30 inliers of
@@ -41,6 +44,9 @@ _CLEARLY_LOWER = 0.75
 # Focal length, in longest sides, of a photograph without EXIF: a phone's main camera and
 # most compact cameras lie between 0.7 and 1; refined by the bundle adjustment.
 _FOCAL_GUESS = 0.85
+# EXIF rounds focal lengths, and a solved one is as good: more than this tells another picture.
+_EXIF_AGREES = 0.1
+_PLENTY = 100  # so many of SIFT's matches in a pair are no mistake
 _TIMEOUT_S = 3600.0
 _ADVICE = (
     "Take more photographs between those: walk sideways a step at a time, never turn on the spot, "
@@ -62,28 +68,39 @@ def solve_poses(
     features: list[Features] = []
     sizes = []
     for path in progress.track(paths, "Solving camera poses: features"):
-        image = load_image(path)
-        height, width = image.shape[:2]
-        scale = min(1.0, settings.solve_max_side_px / max(width, height))
-        image = resize(image, max(1, round(width * scale)), max(1, round(height * scale)))
+        image = _sized(path, settings)
         sizes.append((image.shape[1], image.shape[0]))
         features.append(sift(image, settings.max_features))
-    pairs = match_all(features, settings, progress, "Solving camera poses: matches")
-    if not pairs:
-        raise CaptureError(
-            f"no two of the {len(paths)} photographs share {settings.min_matches} features", where=folder, cure=_ADVICE
+    matched = Matched(features, match_all(features, settings, progress, "Solving camera poses: matches"))
+    wider = settings.matcher == "xfeat" and runs()
+    models: list[list[dict[str, Any]]] = []
+    try:
+        models = _models(paths, sizes, matched, settings, progress)
+    except CaptureError:
+        if not wider:
+            raise
+    matched_by = ""
+    if wider and len(models[0] if models else ()) < len(paths):
+        # Not from the start: what SIFT solves alone, it solves more exactly. Where it does not, its
+        # matches are mistakes in part, and harm.
+        further = match_xfeat(
+            [_sized(path, settings) for path in paths],
+            list(combinations(range(len(paths)), 2)),
+            settings,
+            progress,
+            "Solving camera poses: wide baselines",
+            LEAST_EXPECTED,
         )
-    with progress.task("Solving camera poses", total=1) as task, ScratchFolder() as scratch:
-        save_matches(Path(scratch, "matches.npz"), features, pairs)
-        request = {
-            "folder": scratch,
-            "paths": [str(path.absolute()) for path in paths],
-            "sizes": sizes,
-            "min_matches": settings.min_matches,
-        }
-        found = call_in_child(solve_in_child, request, timeout_s=_TIMEOUT_S)
-        task.advance()
-    models = sorted(found["models"], key=len, reverse=True)
+        for beside in ("", " and SIFT"):
+            if further is None or not further.pairs or len(models[0] if models else ()) == len(paths):
+                break
+            sure = {
+                pair: found for pair, found in matched.pairs.items() if pair in further.pairs or len(found) >= _PLENTY
+            }
+            both = Matched(features, sure).beside(further) if beside else further
+            again = _models(paths, sizes, both, settings, progress)
+            if len(again[0] if again else ()) > len(models[0] if models else ()):
+                models, matched_by = again, f", matched with {NAME}{beside}"
     best = models[0] if models else []
     registered = {image["index"] for image in best}
     fallen = [path.name for index, path in enumerate(paths) if index not in registered]
@@ -103,7 +120,54 @@ def solve_poses(
         lens = lens_from_json(image["camera"], str(path))
         pose = np.linalg.inv(np.vstack([image["camera_from_world"], [0.0, 0.0, 0.0, 1.0]]))
         photographs.append(Photograph(path.name, path, lens, pose, str(path)))
-    return photographs, f"structure from motion, {count}"
+    _tell_other_pictures(photographs, progress)
+    return photographs, f"structure from motion, {count}{matched_by}"
+
+
+def _sized(path: Path, settings: CaptureSettings) -> np.ndarray:
+    """The photograph (H, W, 3) float32 at the size at which it is solved."""
+    image = load_image(path)
+    height, width = image.shape[:2]
+    scale = min(1.0, settings.solve_max_side_px / max(width, height))
+    return resize(image, max(1, round(width * scale)), max(1, round(height * scale)))
+
+
+def _models(
+    paths: Sequence[Path],
+    sizes: Sequence[tuple[int, int]],
+    matched: Matched,
+    settings: CaptureSettings,
+    progress: Progress,
+) -> list[list[dict[str, Any]]]:
+    """The models of ``solve_in_child``, the largest first."""
+    if not matched.pairs:
+        raise CaptureError(
+            f"no two of the {len(paths)} photographs share {settings.min_matches} features",
+            where=paths[0].parent,
+            cure=_ADVICE,
+        )
+    with progress.task("Solving camera poses", total=1) as task, ScratchFolder() as scratch:
+        save_matches(Path(scratch, "matches.npz"), matched.features, matched.pairs)
+        request = {
+            "folder": scratch,
+            "paths": [str(path.absolute()) for path in paths],
+            "sizes": sizes,
+            "min_matches": settings.min_matches,
+        }
+        found = call_in_child(solve_in_child, request, timeout_s=_TIMEOUT_S)
+        task.advance()
+    return sorted(found["models"], key=len, reverse=True)
+
+
+def _tell_other_pictures(photographs: Sequence[Photograph], progress: Progress) -> None:
+    """Say of which photographs EXIF tells the focal length of another picture, as of one before it was cropped."""
+    told: dict[str, list[str]] = {}
+    for one in photographs:
+        relative, found = focal_of_exif(str(one.path)), one.lens.fx / max(one.lens.width, one.lens.height)
+        if relative is not None and abs(np.log(found / relative)) > _EXIF_AGREES:
+            told.setdefault(f"{relative:.2f} of the longest side, the photographs {found:.2f}", []).append(one.name)
+    for words, names in told.items():
+        progress.message(f"{', '.join(names)}: EXIF says a focal length of {words}, which was taken: cropped pictures?")
 
 
 def solve_in_child(request: dict[str, Any]) -> dict[str, Any]:
@@ -199,7 +263,8 @@ def _map(database: Path, output: Path, thresholds: tuple[int, float, int], min_m
     options.mapper.abs_pose_min_num_inliers = max(next_inliers, min_matches)
     pycolmap.set_random_seed(0)
     output.mkdir()
-    return list(pycolmap.incremental_mapping(database, output, output, options).values())
+    models = pycolmap.incremental_mapping(database, output, output, options)
+    return [with_lenses_that_can_be_undone(model) for model in models.values()]
 
 
 def _trustworthy(

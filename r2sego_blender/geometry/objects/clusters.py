@@ -42,7 +42,7 @@ def find_objects(
     """
     everywhere = [view.camera.unproject(view.depth) for view in completed]
     off = [envelope.signed_distance(points) > _OFF_PLANES_M for points in everywhere]
-    observed = [(v.source == DepthSource.OBSERVED) & o for v, o in zip(completed, off, strict=True)]
+    observed = [v.seen & o for v, o in zip(completed, off, strict=True)]
     points = np.concatenate([p[seen] for p, seen in zip(everywhere, observed, strict=True)])
     if not len(points):
         return ()

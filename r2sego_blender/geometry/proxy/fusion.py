@@ -42,6 +42,7 @@ _SAME_PLANE = 0.8  # cosine from which a face covers the envelope
 _LARGEST_FIELD = 40_000_000  # voxels; 320 MB
 _OUTLIERS = 0.002  # share of the points at each end that the field need not cover
 _MARGIN_M = 0.5  # the field's reach beyond the captures' centres
+_SENSOR_NOISE = 0.045  # three standard deviations of a sensor's depth on a slanted surface, relative
 _ASSET_ALPHA = 0.5  # below this the asset's depth says nothing
 
 
@@ -58,7 +59,8 @@ def compose_proxy(
     """The proxy of a round; ``asset_depths`` are (camera, depth (H, W), alpha (H, W)) of A^l.
 
     ``completed`` belongs to ``captures`` one by one. A face is OBSERVED where a capture's
-    trusted stereo lies on it, PRIOR on an aligned prior, else COMPLETED. Raises
+    trusted stereo lies on it, MEASURED where a sensor's depth does in more of them, PRIOR on an aligned
+    prior, else COMPLETED. Raises
     GeometryError when no surface comes out.
     """
     if len(completed) != len(captures):
@@ -102,7 +104,7 @@ def _empty_field(
     side of the room they may lie anywhere.
     """
     seen = [np.asarray(observed.points, np.float64).reshape(-1, 3)]
-    sure = [(view.source <= DepthSource.PLANE) & (view.depth > 0) for view in completed]
+    sure = [(view.seen | (view.source == DepthSource.PLANE)) & (view.depth > 0) for view in completed]
     depths = [view.depth[is_sure] for view, is_sure in zip(completed, sure, strict=True)]
     farthest_m = max((np.quantile(depth, 1 - _OUTLIERS) for depth in depths if len(depth)), default=0.0)
     for view, is_sure in zip(completed, sure, strict=True):
@@ -125,7 +127,14 @@ def _empty_field(
                 high[axis] = min(high[axis], bound + 2 * settings.truncation_m)
     needed = float(np.prod((high - low) / settings.voxel_m + 1))
     voxel_m = settings.voxel_m * max(1.0, np.cbrt(needed / _LARGEST_FIELD))
-    return DistanceField.covering(low, high, voxel_m, max(settings.truncation_m, 2 * voxel_m))
+    return DistanceField.covering(low, high, voxel_m, max(settings.truncation_m, 2 * voxel_m, _noise_m(completed)))
+
+
+def _noise_m(completed: Sequence[CompletedDepth]) -> float:
+    """How far apart captures have a surface that a sensor measured: a field cut off nearer is torn."""
+    measured = [view.depth[view.source == DepthSource.MEASURED] for view in completed]
+    usual_m = float(np.median(np.concatenate(measured))) if any(map(len, measured)) else 0.0
+    return _SENSOR_NOISE * usual_m
 
 
 def _weighted(
@@ -136,7 +145,7 @@ def _weighted(
     """The captures' completed depth and the asset's, with the evidence for every pixel."""
     filled = settings.completed_weight
     of_source = np.zeros(len(DepthSource), np.float32)
-    of_source[DepthSource.OBSERVED] = 1.0
+    of_source[DepthSource.OBSERVED] = of_source[DepthSource.MEASURED] = 1.0
     of_source[DepthSource.PLANE] = min(1.0, _PLANE_SHARE * filled)
     of_source[DepthSource.ENVELOPE] = of_source[DepthSource.FILLED] = filled
     views = [WeightedDepth(view.camera, view.depth, of_source[view.source]) for view in completed]
@@ -272,8 +281,8 @@ def face_evidence(
 
 
 def _trusted(completed: Sequence[CompletedDepth]) -> list[KnownDepth]:
-    """The depth that stereo itself measured."""
-    return [KnownDepth(c.camera, np.where(c.source == DepthSource.OBSERVED, c.depth, 0)) for c in completed]
+    """The depth that stereo or a sensor itself measured."""
+    return [KnownDepth(c.camera, np.where(c.seen, c.depth, 0)) for c in completed]
 
 
 def _with_evidence(
@@ -285,6 +294,11 @@ def _with_evidence(
 ) -> GeometryProxy:
     support, observed, confidence = face_evidence(vertices, faces, MeshRasterizer(vertices, faces), completed)
     provenance = np.where(observed > 0, Provenance.OBSERVED, Provenance.COMPLETED).astype(np.uint8)
+    if any((view.source == DepthSource.MEASURED).any() for view in completed):
+        measured = [KnownDepth(c.camera, np.where(c.source == DepthSource.MEASURED, c.depth, 0)) for c in completed]
+        centroids, normals = vertices[faces].mean(1), normals_and_areas(vertices, faces)[0]
+        by_sensor = collect_votes(centroids, measured, _SAME_SURFACE, normals, _LEAST_COSINE).agree
+        provenance[(observed > 0) & (2 * by_sensor > observed)] = Provenance.MEASURED
     provenance[instance > 0] = Provenance.PRIOR
     return GeometryProxy(
         vertices.astype(np.float32), faces.astype(np.int32), provenance, support, confidence, instance, names

@@ -20,14 +20,16 @@ class Provenance(IntEnum):
     OBSERVED = 0
     PRIOR = 1
     COMPLETED = 2
+    MEASURED = 3
 
 
 PROVENANCE_COLOURS = {
     Provenance.OBSERVED: (0.62, 0.63, 0.65),
     Provenance.PRIOR: (0.13, 0.62, 0.59),
     Provenance.COMPLETED: (0.90, 0.64, 0.20),
+    Provenance.MEASURED: (0.42, 0.55, 0.80),
 }
-"""Capture grey and prior teal as in the paper's figures, completed amber; sRGB in [0, 1]."""
+"""Capture grey and prior teal as in the paper's figures, completed amber, a sensor's blue; sRGB in [0, 1]."""
 
 
 _INSTANCES = ("instance", "instance_names")

@@ -25,6 +25,7 @@ class DepthSource(IntEnum):
     PLANE = 1
     ENVELOPE = 2
     FILLED = 3
+    MEASURED = 4
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,11 @@ class CompletedDepth:
     depth: np.ndarray
     source: np.ndarray
     camera: Camera
+
+    @property
+    def seen(self) -> np.ndarray:
+        """(H, W) bool: pixels whose surface was seen there, by stereo or by a sensor."""
+        return (self.source == DepthSource.OBSERVED) | (self.source == DepthSource.MEASURED)
 
     def save(self, path: Path) -> None:
         """Write the maps and the camera as an uncompressed ``.npz``."""

@@ -96,12 +96,13 @@ def trusted_depth(depth_maps: Sequence[DepthMap], settings: StereoSettings) -> t
 class _View(ColourView):
     """A capture at the size of its depth map: ``known`` is its trusted depth aligned to the
     image's edges, 0 elsewhere; ``weak`` its weak depth elsewhere; ``likely`` what its
-    surfaces nearby suggest, with ``votes``."""
+    surfaces nearby suggest, with ``votes``; ``measured`` what of ``known`` a sensor measured."""
 
     grey: np.ndarray
     weak: np.ndarray
     likely: np.ndarray
     votes: np.ndarray
+    measured: np.ndarray
 
     @staticmethod
     def of(capture: Capture, depth_map: DepthMap, trusted: KnownDepth, weak: np.ndarray) -> _View:
@@ -109,8 +110,11 @@ class _View(ColourView):
         image = resize(capture.image(), camera.width, camera.height)
         mode, votes, own = aligned_to_edges(image, trusted.depth, depth_map.normal, camera)
         fattened = (trusted.depth > 0) & (votes > _OUTVOTED * own)
+        if depth_map.measured is not None:  # a sensor has no window to fatten things by
+            fattened &= ~depth_map.measured
         known = np.where(fattened, mode, trusted.depth)
-        return _View(camera, image, known, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), weak, mode, votes)
+        measured = (known > 0) & depth_map.measured if depth_map.measured is not None else np.zeros(camera.shape, bool)
+        return _View(camera, image, known, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), weak, mode, votes, measured)
 
 
 def _completed(
@@ -152,6 +156,7 @@ def _completed(
         (on_envelope, bound, DepthSource.ENVELOPE),
     ):
         depth[mask], source[mask] = values[mask], kind
+    source[view.measured] = DepthSource.MEASURED
     depth = _filled(depth, observed)
     nearer = nearer_depth(view, [other for other, _, _ in others], depth)
     moved = nearer > 0

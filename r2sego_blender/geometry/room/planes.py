@@ -177,6 +177,7 @@ def _bounding(planes: RoomPlanes, points: np.ndarray, centres: np.ndarray, setti
     share = (heights > -slack).mean(0) if len(points) else np.ones(len(planes.offsets))
     inside = (centres @ planes.normals.T - planes.offsets > 0).all(0)
     bounding = inside & (share >= settings.envelope_share)
+    bounding &= planes.normals[:, 2] < _UPRIGHT  # a table over whose floor nothing was measured is no floor
     bounding[0] = True  # the floor is known from the world frame
     reach = planes.normals @ np.median(np.concatenate([points, centres]), axis=0) - planes.offsets
     for i in np.flatnonzero(bounding):

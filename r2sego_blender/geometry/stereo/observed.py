@@ -41,18 +41,22 @@ def observe(
     """The reliable depth of all captures as one set of points, a voxel apart.
 
     ``A_obs`` marks the captures whose reliable depth agrees with a point; those that
-    fewer than two mark are dropped. Where stereo has nothing, points of ``sparse`` that
-    three captures measured are added with their own record. Deterministic. Raises
-    GeometryError when no point is left.
+    fewer than two mark are dropped, but where a sensor measured them. Where stereo has nothing,
+    points of ``sparse`` that three captures measured are added with their own record.
+    Deterministic. Raises GeometryError when no point is left.
     """
     reliable = [np.where(m.reliable(settings), m.depth, np.float32(0.0)) for m in depth_maps]
     samples = [_samples(c, m, d) for c, m, d in zip(captures, depth_maps, reliable, strict=True)]
-    points, normals, colours, confidence = (np.concatenate(parts) for parts in zip(*samples, strict=True))
+    points, normals, colours, confidence, measured = (np.concatenate(parts) for parts in zip(*samples, strict=True))
     if len(points) == 0:
         raise _nothing()
-    points, normals, colours, confidence = _fused(points, normals, colours, confidence, settings.point_spacing_m)
+    points, normals, colours, confidence, surest = _fused(
+        points, normals, colours, confidence, settings.point_spacing_m
+    )
+    measured = measured[surest]
     visibility = _visibility(points, depth_maps, reliable, settings)
-    kept = visibility.sum(axis=1) >= _MIN_DENSE_VIEWS
+    seen = visibility.sum(axis=1)
+    kept = (seen >= _MIN_DENSE_VIEWS) | (measured & (seen >= 1))
     kept[kept] = _dense_enough(points[kept])
     if not kept.any():
         raise _nothing()
@@ -62,6 +66,7 @@ def observe(
         colours[kept].astype(np.float32),
         visibility[kept],
         confidence[kept].astype(np.float32),
+        measured[kept],
     )
     return dense if sparse is None else _with_sparse(dense, sparse, depth_maps, settings)
 
@@ -76,21 +81,28 @@ def _nothing() -> GeometryError:
 
 def _samples(
     capture: Capture, depth_map: DepthMap, reliable: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Points (n, 3), normals, colours and confidence (n,) of a capture's reliable pixels."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Points (n, 3), normals, colours and confidence (n,) of a capture's reliable pixels, and which a
+    sensor measured (n,)."""
     camera = depth_map.camera
     mask = reliable > 0.0
     image = resize(capture.image(), camera.width, camera.height)
     # Each further capture that agrees halves the doubt its matching cost leaves.
     support = depth_map.support[mask].astype(np.float64)
     confidence = (1.0 - depth_map.cost[mask].clip(0.0, 1.0)) * (1.0 - 0.5**support)
-    return camera.unproject(reliable)[mask], depth_map.normal[mask], image[mask], confidence
+    measured = np.zeros(len(confidence), bool)
+    if depth_map.measured is not None:
+        measured = depth_map.measured[mask]
+        # Nobody need confirm what was measured: its cost says how sure it is.
+        confidence[measured] = 1.0 - depth_map.cost[mask][measured]
+    return camera.unproject(reliable)[mask], depth_map.normal[mask], image[mask], confidence, measured
 
 
 def _fused(
     points: np.ndarray, normals: np.ndarray, colours: np.ndarray, confidence: np.ndarray, spacing_m: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """One point a voxel: the mean of its points by confidence, of the surest one's side."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """One point a voxel: the mean of its points by confidence, of the surest one's side; with the surest's
+    index among all."""
     cells = np.floor(points / spacing_m).astype(np.int64)
     order = np.lexsort((-confidence, cells[:, 2], cells[:, 1], cells[:, 0]))
     cells = cells[order]
@@ -103,7 +115,7 @@ def _fused(
     total = np.add.reduceat(weight, starts)
     means = [np.add.reduceat(weight * a, starts) / total for a in (points, normals, colours)]
     means[1] /= np.linalg.norm(means[1], axis=1, keepdims=True)
-    return means[0], means[1], means[2], confidence[order][starts]
+    return means[0], means[1], means[2], confidence[order][starts], order[starts]
 
 
 def _visibility(
@@ -142,7 +154,7 @@ def _with_sparse(
     towards = (seen[..., None] * centres).sum(axis=1) / seen.sum(axis=1, keepdims=True) - points
     normals = towards / np.linalg.norm(towards, axis=1, keepdims=True)
     confidence = np.full(len(points), _SPARSE_CONFIDENCE)
-    extra = (points, normals, sparse.colours[added] / 255.0, seen, confidence)
+    extra = (points, normals, sparse.colours[added] / 255.0, seen, confidence, np.zeros(len(points), bool))
     return ObservedGeometry(
         *(
             np.concatenate([getattr(dense, f.name), part.astype(getattr(dense, f.name).dtype)])

@@ -25,7 +25,8 @@ class ObservedGeometry:
 
     ``points`` (P, 3) float32 metres; ``normals`` (P, 3) float32 unit, towards the free
     side; ``colours`` (P, 3) float32 in [0, 1]; ``visibility`` (P, N) bool, A_obs: the
-    captures that see the point; ``confidence`` (P,) float32 in [0, 1].
+    captures that see the point; ``confidence`` (P,) float32 in [0, 1]; ``measured`` (P,) bool,
+    whether its depth is a sensor's.
     """
 
     points: np.ndarray
@@ -33,23 +34,34 @@ class ObservedGeometry:
     colours: np.ndarray
     visibility: np.ndarray
     confidence: np.ndarray
+    measured: np.ndarray = None  # type: ignore[assignment]  # until it is made
+
+    def __post_init__(self) -> None:
+        if self.measured is None:
+            object.__setattr__(self, "measured", np.zeros(len(self.points), bool))
 
     def save(self, path: Path) -> None:
-        """Write the arrays as an uncompressed ``.npz``."""
-        save_arrays(path, **{field.name: getattr(self, field.name) for field in fields(self)})
+        """Write the arrays as an uncompressed ``.npz``; what no sensor measured says nothing of it."""
+        arrays = {field.name: getattr(self, field.name) for field in fields(self)}
+        save_arrays(path, **(arrays if self.measured.any() else {k: v for k, v in arrays.items() if k != "measured"}))
 
     @staticmethod
     def load(path: Path) -> ObservedGeometry:
         """Read what ``save`` wrote. Raises GeometryError when the file is none of it."""
         with opened_arrays(path, GeometryError, "this is not observed geometry") as data:
-            arrays = {field.name: data[field.name] for field in fields(ObservedGeometry)}
+            names = [field.name for field in fields(ObservedGeometry)]
+            arrays = {name: data[name] for name in names if name != "measured" or name in data}
             require_shapes(arrays, points="P 3", normals="P 3", colours="P 3", visibility="P N", confidence="P")
             require_between(-FARTHEST_M, FARTHEST_M, points=arrays["points"])
             require_between(-LONGEST_UNIT, LONGEST_UNIT, normals=arrays["normals"])
             require_between(0.0, 1.0, colours=arrays["colours"], confidence=arrays["confidence"])
             if arrays["visibility"].dtype != np.bool_:
                 raise ValueError("visibility is not yes or no")
-            return ObservedGeometry(**arrays)
+            observed = ObservedGeometry(**arrays)
+            require_shapes(vars(observed), points="P 3", measured="P")
+            if observed.measured.dtype != np.bool_:
+                raise ValueError("measured is not yes or no")
+            return observed
 
 
 OBSERVED = Artifact(layout.OBSERVED, ObservedGeometry.load, ObservedGeometry.save)

@@ -47,7 +47,8 @@ class DepthMap:
     matched, 0 elsewhere; ``normal`` (H, W, 3) float32 unit, world, towards the camera;
     ``cost`` (H, W) float32, 1 - NCC averaged over the best source or two; ``support`` (H, W)
     uint8, how many other captures see a surface there, 0 on speckles. ``camera`` is the
-    capture's at this size.
+    capture's at this size. ``measured`` (H, W) bool are pixels whose depth a sensor measured, which
+    nobody need confirm; None without one.
     """
 
     depth: np.ndarray
@@ -55,11 +56,13 @@ class DepthMap:
     cost: np.ndarray
     support: np.ndarray
     camera: Camera
+    measured: np.ndarray | None = None
 
     def reliable(self, settings: StereoSettings) -> np.ndarray:
         """(H, W) bool: matched well and seen there by another capture, be it the only one it was
-        matched with."""
-        return (self.depth > 0.0) & (self.support >= 1) & (self.cost <= settings.max_cost)
+        matched with, or measured by a sensor."""
+        matched = (self.depth > 0.0) & (self.support >= 1) & (self.cost <= settings.max_cost)
+        return matched if self.measured is None else matched | self.measured
 
     def save(self, path: Path) -> None:
         """Write the maps and the camera as an uncompressed ``.npz``."""
@@ -73,6 +76,7 @@ class DepthMap:
             support=self.support,
             lens=lens,
             world_from_camera=camera.world_from_camera,
+            **({} if self.measured is None else {"measured": self.measured}),
         )
 
     @staticmethod
@@ -88,6 +92,11 @@ class DepthMap:
             require_between(-LONGEST_UNIT, LONGEST_UNIT, normal=maps["normal"])
             require_between(-1.0, _HIGHEST_COST, cost=maps["cost"])
             require_between(0, None, support=maps["support"])
+            if "measured" in data:
+                maps["measured"] = data["measured"]
+                require_shapes(maps, measured=size)
+                if maps["measured"].dtype != np.bool_ or (maps["measured"] & (maps["depth"] <= 0.0)).any():
+                    raise ValueError("measured is not yes or no, or is said of no depth")
             return DepthMap(**maps, camera=camera)
 
 

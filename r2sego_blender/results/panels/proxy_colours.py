@@ -50,7 +50,7 @@ def coloured(by: str, faces: ProxyFaces) -> Colouring | None:
 
 
 def _by_provenance(faces: ProxyFaces) -> Colouring:
-    labels = ("Observed by captures", "Shape prior", "Completed")
+    labels = ("Observed by captures", "Shape prior", "Completed", "Measured by a sensor")
     return Colouring(labels, tuple(PROVENANCE_COLOURS[p] for p in Provenance), _slots(faces.provenance))
 
 

@@ -163,7 +163,7 @@ class PolicyController:
         qpos[3:7] = (math.cos(heading / 2.0), 0.0, 0.0, math.sin(heading / 2.0))
         data.qpos[:] = qpos
         mujoco.mj_kinematics(model, data)
-        soles_m = [float(data.xpos[leg.foot, 2]) - leg.sole_m for leg in self._robot.legs]
+        soles_m = [float(leg.tip_place(data)[2]) - leg.sole_m for leg in self._robot.legs]
         lowest_m = min(soles_m, default=-self._robot.rest_height_m)
         qpos[2] = self._floor.floor_z_m - lowest_m
         return self._lifted(qpos)

@@ -134,7 +134,7 @@ def compose(
         geom.contype, geom.conaffinity = _SCENE_BIT, _ROBOT_BIT
         if wrench and np.array_equal(geom.solref, _MUJOCO_SOLREF):  # else it says how soft it is
             _stiffen(geom)
-    body = robot_spec(robot.source)
+    body = robot_spec(robot.source, bounded=bool(robot.bounded_links))
     for geom in body.geoms:
         if geom.contype or geom.conaffinity:
             geom.contype, geom.conaffinity = _ROBOT_BIT, _SCENE_BIT

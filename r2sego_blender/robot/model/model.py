@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,10 @@ from ...core.cameras import Camera
 from ...core.errors import RobotError
 from .collision_shapes import colliding, core_points, highest_m, lowest_m, reach_m
 from .humanoid import SERVOS, Servo
-from .model_camera import mount_of
+from .model_camera import eyes, mount_of
 from .mount import CameraMount, mount_on
 from .rest_posture import declared_posture, standing_posture
-from .robot_file import EMBEDDED_HUMANOID, does_not_compile, robot_spec
+from .robot_file import EMBEDDED_HUMANOID, compiled_robot
 from .structure import (
     Leg,
     Wheel,
@@ -31,6 +32,7 @@ from .structure import (
     fixed_to,
     is_hinge,
     joints_of,
+    no_wheels,
     on_joints,
     posed,
     standing_leg,
@@ -60,6 +62,7 @@ _TABLES = {
     "cam_pos": _FAR,
     "mesh_vert": _FAR,
 }
+_TOLD_HINGES = 4
 _FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 
 
@@ -85,6 +88,7 @@ class RobotModel:
     rest_qpos: np.ndarray
     radius_m: float
     height_m: float
+    bounded_links: tuple[str, ...] = ()  # whose masses or inertias a URDF does not give as a body's
 
     @staticmethod
     def load(
@@ -95,16 +99,12 @@ class RobotModel:
 
         ``mount`` is the name of a camera in the file, ``[parent, xyz, rpy, fov]`` (see
         ``mount.parse_mount``), or None for the file's only camera or the one named
-        ``head_camera``. Raises RobotError: a file that does not compile (with MuJoCo's words),
-        no free base, a ball joint, neither two legs nor two driven wheels, an unknown camera or
-        parent, a camera without perspective.
+        ``head_camera``; cameras that follow or aim at something are none. Raises RobotError:
+        a file that does not compile (with MuJoCo's words), no free base, a ball joint, neither
+        two legs nor two driven wheels, an unknown camera or parent, a camera without perspective.
         """
         source = str(source)
-        spec = robot_spec(source)
-        try:
-            model = spec.compile()
-        except (ValueError, mujoco.FatalError) as error:
-            raise does_not_compile(source, error) from error
+        model, bounded_links = compiled_robot(source)
         for table, most in _TABLES.items():
             values = getattr(model, table)
             if not np.isfinite(values).all():
@@ -124,10 +124,13 @@ class RobotModel:
         # Arms of a wheeled robot hang lowest of all its limbs, and are no legs.
         legs = () if len(wheels) >= 2 else find_legs(model, base, declared)
         if len(wheels) < 2 and len(legs) < 2:
+            reasons = no_wheels(model, base, declared)
+            why = "".join(f"; '{name}' is no wheel: {reason}" for name, reason in islice(reasons.items(), _TOLD_HINGES))
             raise RobotError(
-                f"the robot has {len(legs)} legs and {len(wheels)} driven wheels",
+                f"the robot has {len(legs)} legs and {len(wheels)} driven wheels{why}",
                 where=source,
-                cure="Give one with two legs of three hinges or more, or with two wheels.",
+                cure="Give one with two legs of three hinges or more, or with two driven wheels, endless hinges "
+                "with a cylinder, a sphere or a round mesh.",
             )
         in_legs = {joint for leg in legs for joint in leg.joints}
         waist = [
@@ -154,6 +157,7 @@ class RobotModel:
             rest_qpos=rest,
             radius_m=reach_m(model, data, geoms, data.xpos[base, :2]),
             height_m=highest_m(model, data, geoms),
+            bounded_links=bounded_links,
         )
         # A camera on a mast without a shape is not to go through what is over the others.
         eye_reach_m = float(np.linalg.norm(robot.camera_poses(rest[None])[0, :2, 3] - data.xpos[base, :2]))
@@ -293,7 +297,7 @@ def _refuse_balls(model: mujoco.MjModel, source: str) -> None:
 
 
 def _find_mount(model: mujoco.MjModel, mount: Any, source: str) -> CameraMount:
-    names = [model.camera(index).name for index in range(model.ncam)]
+    names = eyes(model)
     if mount is None:
         mount = names[0] if len(names) == 1 else "head_camera"
         if mount not in names:
@@ -305,8 +309,10 @@ def _find_mount(model: mujoco.MjModel, mount: Any, source: str) -> CameraMount:
             )
     if isinstance(mount, str):
         if mount not in names:
-            known = f"It has: {', '.join(names)}." if names else "It has none; give [parent, xyz, rpy, fov]."
-            raise RobotError(f"the robot has no camera '{mount}'", where=source, cure=known)
+            watches = mount in (model.camera(index).name for index in range(model.ncam))
+            what = f"'{mount}' watches the robot and is no eye" if watches else f"the robot has no camera '{mount}'"
+            known = f"It has: {', '.join(names)}." if names else "It has no eye; give [parent, xyz, rpy, fov]."
+            raise RobotError(what, where=source, cure=known)
         return mount_of(model, model.camera(mount).id, source)
     bodies = [model.body(index).name for index in range(1, model.nbody)]
     return mount_on(bodies, mount, source)

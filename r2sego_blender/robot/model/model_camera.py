@@ -33,6 +33,13 @@ def add_camera(
     spec.body(parsed.parent).add_camera(name=name, pos=parsed.parent_from_camera[:3, 3], quat=turn, fovy=fovy)
 
 
+def eyes(model: mujoco.MjModel) -> list[str]:
+    """The names of the cameras that move with their body: those that follow it from outside, or turn to
+    something, see no robot's view."""
+    fixed = np.flatnonzero(model.cam_mode == int(mujoco.mjtCamLight.mjCAMLIGHT_FIXED))
+    return [model.camera(int(index)).name for index in fixed]
+
+
 def mount_of(model: mujoco.MjModel, camera: int, where: object = None) -> CameraMount:
     """The model's camera with that id on its body, with the lens that MuJoCo renders with.
 

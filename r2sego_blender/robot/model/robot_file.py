@@ -16,6 +16,7 @@ from pathlib import Path, PurePosixPath
 from xml.etree import ElementTree
 
 import mujoco
+import numpy as np
 
 from ...core.errors import RobotError
 from .humanoid import humanoid_mjcf
@@ -32,6 +33,14 @@ _MOST_COPIES, _DEEPEST = 20_000, 150
 _MESH_FILES = {".stl", ".obj", ".msh"}
 # URDF has no word for the inertia of gears and rotors, without which light links jitter.
 _URDF_ARMATURE_KG_M2 = 0.01
+# Frames of a URDF (sensors, grips) are often written as links without a mass or with an inertia that no
+# body has, which MuJoCo refuses. Least values of a link's are those that its documentation names.
+_LEAST_MASS_KG, _LEAST_INERTIA_KG_M2 = 1e-3, 1e-5
+_ABOUT_INERTIAS = re.compile(r"balanceinertia|positive eigenvalues|mass and inertia of moving bodies")
+_BOUNDS = (
+    f'Correct the file, or put <compiler balanceinertia="true" boundmass="{_LEAST_MASS_KG:g}" '
+    f'boundinertia="{_LEAST_INERTIA_KG_M2:g}"/> below <mujoco>.'
+)
 
 # What a robot is made of, by the root's tag; the rest is left out.
 _KEPT = {
@@ -60,11 +69,12 @@ _REFUSED_ATTRIBUTES = {
 _REFUSED_SHAPES = {"hfield": "height fields", "sdf": "distance fields"}
 
 
-def robot_spec(source: str) -> mujoco.MjSpec:
+def robot_spec(source: str, bounded: bool = False) -> mujoco.MjSpec:
     """The robot alone, editable: without the floor, lights and cameras of its file's world.
 
     Every body, joint and camera has a name; a URDF gets a free base, and joints with some armature.
-    ``source`` is an embedded robot's name or a path. Raises RobotError, before MuJoCo sees
+    ``source`` is an embedded robot's name or a path; ``bounded`` balances inertias that no body has,
+    and lifts masses to 1 g and inertias to 1e-5 kg m2. Raises RobotError, before MuJoCo sees
     anything, where the file is missing, unreadable or not to be trusted; and with MuJoCo's
     words where it is no robot.
     """
@@ -87,18 +97,54 @@ def robot_spec(source: str) -> mujoco.MjSpec:
                 joint.armature = _URDF_ARMATURE_KG_M2
         if not any(joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in spec.joints):
             spec.worldbody.bodies[0].add_freejoint()
+    if bounded:
+        compiler = spec.compiler
+        compiler.balanceinertia = True
+        compiler.boundmass = max(compiler.boundmass, _LEAST_MASS_KG)
+        compiler.boundinertia = max(compiler.boundinertia, _LEAST_INERTIA_KG_M2)
     for kind, elements in (("body", spec.bodies[1:]), ("joint", spec.joints), ("camera", spec.cameras)):
         for index, element in enumerate(elements):
             element.name = element.name or f"unnamed {kind} {index}"
     return spec
 
 
-def does_not_compile(source: str, error: Exception) -> RobotError:
+def compiled_robot(source: str) -> tuple[mujoco.MjModel, tuple[str, ...]]:
+    """The robot of ``robot_spec``, compiled, and the links whose inertias were bounded for it.
+
+    Those of a URDF are where MuJoCo refuses the file's own: its format has no other way to
+    write a frame. Raises RobotError as ``robot_spec`` does.
+    """
+    spec = robot_spec(source)
+    try:
+        return spec.compile(), ()
+    except (ValueError, mujoco.FatalError) as error:
+        if not _ABOUT_INERTIAS.search(str(error)) or gather_robot(Path(source))[0].tag != "robot":
+            raise does_not_compile(source, error, _BOUNDS) from error
+    spec = robot_spec(source, bounded=True)
+    try:
+        model = spec.compile()
+    except (ValueError, mujoco.FatalError) as error:
+        raise does_not_compile(source, error) from error
+    return model, tuple(body.name for body in spec.bodies[1:] if _is_bounded(body, model))
+
+
+def _is_bounded(body: mujoco.MjsBody, model: mujoco.MjModel) -> bool:
+    """Whether a link's mass or inertia is another in ``model`` than in its file, or was none."""
+    if not body.explicitinertial:
+        return bool(model.body(body.name).mass[0] <= _LEAST_MASS_KG)
+    xx, yy, zz, xy, xz, yz = body.fullinertia
+    own = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    found = np.sort(model.body(body.name).inertia)
+    return bool(model.body(body.name).mass[0] != body.mass or not np.allclose(own, found, rtol=1e-6, atol=0.0))
+
+
+def does_not_compile(source: str, error: Exception, about_inertia: str = "") -> RobotError:
     """MuJoCo's words as an error; its line numbers count another text and are left out."""
     words = re.sub(r",? line -?\d+", "", " ".join(str(error).split())).rstrip(".")
-    return RobotError(
-        f"the robot does not compile: {words}", where=source, cure="Correct the file or give another robot."
+    cure = (
+        about_inertia if about_inertia and _ABOUT_INERTIAS.search(words) else "Correct the file or give another robot."
     )
+    return RobotError(f"the robot does not compile: {words}", where=source, cure=cure)
 
 
 def gather_robot(path: Path) -> tuple[Element, dict[str, bytes]]:
@@ -158,7 +204,7 @@ def _put_includes_in(folder: RobotFolder, root: Element, seen: set[Path]) -> Non
         parent = parents.pop()
         while (include := parent.find("include")) is not None:
             at, name = include.at("file"), include.get("file", "")
-            path = folder.find(name, [folder.main.parent, include.source.parent], at)
+            path = folder.find(name, _beside(folder, include), at)
             if path in seen or len(seen) > _MOST_INCLUDES:
                 raise RobotError(
                     f"'{name}' is included again, or as one of too many", where=at, cure="Include it once."
@@ -187,18 +233,24 @@ def _check_names(folder: RobotFolder, root: Element) -> None:
             if element.tag not in {"mesh", *_LEFT_OUT_ASSETS}:
                 raise _refused(element, attribute, "files here")
             if element.tag in _LEFT_OUT_ASSETS:
-                base = folders.get("texturedir" if element.tag == "texture" else "meshdir", folder.main.parent)
-                folder.check(element.attrib[attribute], base, element.at(attribute))
+                kind = "texturedir" if element.tag == "texture" else "meshdir"
+                bases = folders.get(kind) or _beside(folder, element)
+                folder.places(element.attrib[attribute], bases, element.at(attribute))
 
 
-def _folders(folder: RobotFolder, root: Element) -> dict[str, Path]:
-    """Where meshes and textures are; as in MuJoCo the last word counts, and a kind's own before both's."""
+def _beside(folder: RobotFolder, element: Element) -> list[Path]:
+    """Where a name of ``element`` begins: the robot's file, or the included one that it stands in."""
+    return [folder.main.parent, element.source.parent]
+
+
+def _folders(folder: RobotFolder, root: Element) -> dict[str, list[Path]]:
+    """Where meshes and textures may be; as in MuJoCo the last word counts, and a kind's own before both's."""
     found = {}
     for compiler in root.iter("compiler"):
         for attribute in ("assetdir", "meshdir", "texturedir"):
             if attribute in compiler.attrib:
-                place = folder.check(compiler.attrib[attribute], folder.main.parent, compiler.at(attribute))
-                found[attribute] = place
+                bases = _beside(folder, compiler)
+                found[attribute] = folder.places(compiler.attrib[attribute], bases, compiler.at(attribute))
     both = found.pop("assetdir", None)
     return ({"meshdir": both, "texturedir": both} if both else {}) | found
 
@@ -264,7 +316,7 @@ def _take_meshes(folder: RobotFolder, root: Element) -> dict[str, bytes]:
     is_urdf = root.tag == "robot"
     attribute = "filename" if is_urdf else "file"
     strip = [value for e in root.iter("compiler") if (value := e.get("strippath"))]
-    base = _folders(folder, root).get("meshdir")
+    folders = _folders(folder, root).get("meshdir")
     files: dict[str, bytes] = {}
     names: dict[Path, str] = {}
     for element in root.iter("mesh"):
@@ -272,7 +324,7 @@ def _take_meshes(folder: RobotFolder, root: Element) -> dict[str, bytes]:
         if name is None:
             continue
         at = element.at(attribute)
-        bases = [base] if base else [folder.main.parent, element.source.parent]
+        bases = folders or _beside(folder, element)
         if (strip[-1] == "true") if strip else is_urdf:
             path = _find_stripped(folder, name, bases, at)
         else:

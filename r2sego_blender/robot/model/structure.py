@@ -49,6 +49,11 @@ class Leg:
     base_from_foot: np.ndarray
     foot_bodies: tuple[int, ...]
 
+    @property
+    def origin_m(self) -> float:
+        """How high at rest the origin of the foot's body is above the sole: a point foot's is at its knee."""
+        return self.sole_m - float((self.base_from_foot @ self.tip)[2])
+
     def tip_place(self, data: mujoco.MjData) -> np.ndarray:
         """(3,) where the tip is in the world, in ``data`` with its kinematics done."""
         return data.xpos[self.foot] + data.xmat[self.foot].reshape(3, 3) @ self.tip
@@ -73,23 +78,39 @@ def find_wheels(model: mujoco.MjModel, base: int, rest_qpos: np.ndarray) -> tupl
     Where the file has actuators only driven hinges count: the others are casters.
     """
     data = posed(model, rest_qpos)
-    ground = lowest_m(model, data, colliding(model))
-    driven = model.actuator_trnid[on_joints(model), 0]
-    wheels = []
-    for joint in range(model.njnt):
-        low, high = model.jnt_range[joint]
-        is_endless = not model.jnt_limited[joint] or high - low > _WIDE_TURN_RAD
-        axis, anchor = data.xaxis[joint], data.xanchor[joint]
-        if not (is_hinge(model, joint) and is_endless and abs(axis[1]) > _ALONG):
-            continue
-        if model.nu and joint not in driven:
-            continue
-        geoms = _geoms_of(model, fixed_to(model, int(model.jnt_bodyid[joint])))
-        bottom = lowest_m(model, data, geoms)
-        if bottom < ground + _GROUND_M and is_round_about(model, data, geoms, anchor, axis):
-            offset = (anchor - data.xpos[base])[:2]
-            wheels.append(Wheel(joint, float(anchor[2] - bottom), offset, float(np.sign(axis[1]))))
-    return tuple(sorted(wheels, key=lambda wheel: -wheel.offset_m[1]))
+    found = [_wheel(model, data, base, joint) for joint in range(model.njnt)]
+    return tuple(sorted((one for one in found if isinstance(one, Wheel)), key=lambda wheel: -wheel.offset_m[1]))
+
+
+def no_wheels(model: mujoco.MjModel, base: int, rest_qpos: np.ndarray) -> dict[str, str]:
+    """By the joint's name, what keeps an endless hinge, or one that is called a wheel, from being one."""
+    data = posed(model, rest_qpos)
+    found = {model.joint(joint).name: _wheel(model, data, base, joint) for joint in range(model.njnt)}
+    return {name: why for name, why in found.items() if isinstance(why, str) and why}
+
+
+def _wheel(model: mujoco.MjModel, data: mujoco.MjData, base: int, joint: int) -> Wheel | str:
+    """The wheel on ``joint`` in ``data``, or why it is none; '' where nothing looks like one."""
+    low, high = model.jnt_range[joint]
+    is_endless = not model.jnt_limited[joint] or high - low > _WIDE_TURN_RAD
+    axis, anchor = data.xaxis[joint], data.xanchor[joint]
+    if not is_hinge(model, joint) or not (is_endless or "wheel" in model.joint(joint).name.lower()):
+        return ""
+    if not is_endless:
+        return "its range is limited"
+    if abs(axis[1]) <= _ALONG:
+        return "its axis does not lie across the base"
+    if model.nu and joint not in model.actuator_trnid[on_joints(model), 0]:
+        return "no actuator drives it"
+    geoms = _geoms_of(model, fixed_to(model, int(model.jnt_bodyid[joint])))
+    if not len(geoms):
+        return "it has no collision shape"
+    bottom, ground = lowest_m(model, data, geoms), lowest_m(model, data, colliding(model))
+    if bottom >= ground + _GROUND_M:
+        return f"it hangs {bottom - ground:.2f} m above the lowest shape"
+    if not is_round_about(model, data, geoms, anchor, axis):
+        return "its collision shape is not round about the axis"
+    return Wheel(joint, float(anchor[2] - bottom), (anchor - data.xpos[base])[:2], float(np.sign(axis[1])))
 
 
 def find_legs(model: mujoco.MjModel, base: int, rest_qpos: np.ndarray) -> tuple[Leg, ...]:

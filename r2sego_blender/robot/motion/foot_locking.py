@@ -77,7 +77,7 @@ def plant_feet(robot: RobotModel, qpos: np.ndarray) -> np.ndarray:
 
 
 def foot_places(robot: RobotModel, qpos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(L, T, 4) x, y, z and yaw of the feet, as ``LegSolver.solve`` takes them, and (L, T) heights
+    """(L, T, 4) x, y, z of the feet's tips and yaw, as ``LegSolver.solve`` takes them, and (L, T) heights
     of their lowest points, in configurations (T, nq); metres, radians."""
     model, data = robot.model, mujoco.MjData(robot.model)
     geoms = colliding(model)
@@ -89,7 +89,7 @@ def foot_places(robot: RobotModel, qpos: np.ndarray) -> tuple[np.ndarray, np.nda
         mujoco.mj_kinematics(model, data)
         for index, (leg, own) in enumerate(zip(robot.legs, of_foot, strict=True)):
             forward = data.xmat[leg.foot].reshape(3, 3) @ leg.base_from_foot.T[:, 0]
-            places[index, frame, :3] = data.xpos[leg.foot]
+            places[index, frame, :3] = leg.tip_place(data)
             places[index, frame, 3] = np.arctan2(forward[1], forward[0])
             heights[index, frame] = lowest_m(model, data, own)
     return places, heights
@@ -101,24 +101,26 @@ def spans(flags: np.ndarray) -> np.ndarray:
 
 
 def _move_foot(robot: RobotModel, data: mujoco.MjData, leg: Leg, configuration: np.ndarray, move_m: np.ndarray) -> None:
-    """Move one foot of ``configuration`` (nq,) by ``move_m`` (3,), turning it as little as can be."""
+    """Move one foot's tip of ``configuration`` (nq,) by ``move_m`` (3,), turning a flat foot as little as can be."""
     model, joints = robot.model, list(leg.joints)
     address, dof = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
     low, high = model.jnt_range[joints].T + np.array([[_LIMIT_MARGIN_RAD], [-_LIMIT_MARGIN_RAD]])
     jacobian = np.empty((6, model.nv))
+    arm_m = _ARM_M if leg.is_flat else 0.0  # a point turns as its place asks
     target = turn = None
     for _ in range(_ITERATIONS):
         data.qpos[:] = configuration
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         matrix = data.xmat[leg.foot].reshape(3, 3)
+        tip = leg.tip_place(data)
         if target is None or turn is None:
-            target, turn = data.xpos[leg.foot] + move_m, matrix.copy()
-        error = np.concatenate([target - data.xpos[leg.foot], _ARM_M * _small_turn(turn @ matrix.T)])
+            target, turn = tip + move_m, matrix.copy()
+        error = np.concatenate([target - tip, arm_m * _small_turn(turn @ matrix.T)])
         if np.linalg.norm(error) < _TOLERANCE_M:
             break
-        mujoco.mj_jacBody(model, data, jacobian[:3], jacobian[3:], leg.foot)
-        own = jacobian[:, dof] * np.array([1.0, 1.0, 1.0, _ARM_M, _ARM_M, _ARM_M])[:, None]
+        mujoco.mj_jac(model, data, jacobian[:3], jacobian[3:], tip, leg.foot)
+        own = jacobian[:, dof] * np.array([1.0, 1.0, 1.0, arm_m, arm_m, arm_m])[:, None]
         step = own.T @ np.linalg.solve(own @ own.T + _DAMPING * np.eye(6), error)
         configuration[address] = np.clip(configuration[address] + step, low, high)
 

@@ -20,13 +20,8 @@ import numpy as np
 
 from ...core.text_files import opened_file
 
-FIELDS = (
-    *("rigid_body_pos", "rigid_body_rot", "rate_hz", "fps", "joint_names"),
-    *("qpos", "joint_pos", "dof_pos", "root_pos", "root_quat"),
-)
-"""What a motion is made of; other arrays of its file are left alone."""
-
 _MOST_WORDS = 1 << 20
+_MOST_TEXTS, _LONGEST_TEXT = 1000, 200
 _DAMAGE = (EOFError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError, AssertionError)
 _STORAGES = {
     "FloatStorage": "<f4",
@@ -41,8 +36,8 @@ _STORAGES = {
 }
 
 
-def tensors_of(file: Path) -> dict[str, np.ndarray]:
-    """The tensors and numbers called ``FIELDS``, by their names; not to be written to.
+def tensors_of(file: Path) -> dict[str, np.ndarray | None]:
+    """The tensors, numbers, texts and lists of texts, by their names, not to be written to; None for the rest.
 
     Raises ``pickle.UnpicklingError`` and those of ``zipfile``: no archive of torch's, more than tensors, or
     damage; TypeError where it holds no mapping of names.
@@ -51,8 +46,14 @@ def tensors_of(file: Path) -> dict[str, np.ndarray]:
         found = _read(archive)
     if not isinstance(found, Mapping):
         raise TypeError(f"it holds a {type(found).__name__}, not named tensors")
-    known = {name: found[name] for name in FIELDS if name in found}
-    return {name: np.asarray(value) for name, value in known.items() if isinstance(value, (np.ndarray, int, float))}
+    return {name: _array(value) for name, value in found.items() if isinstance(name, str)}
+
+
+def _array(value: Any) -> np.ndarray | None:
+    texts = value if isinstance(value, (list, tuple)) else [value]
+    if len(texts) <= _MOST_TEXTS and all(isinstance(one, str) and len(one) <= _LONGEST_TEXT for one in texts):
+        return np.asarray(value, dtype=str)
+    return np.asarray(value) if isinstance(value, (np.ndarray, int, float)) else None
 
 
 def _read(archive: zipfile.ZipFile) -> Any:

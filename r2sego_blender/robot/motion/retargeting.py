@@ -80,15 +80,15 @@ def retarget(human: HumanRecording, robot: RobotModel) -> np.ndarray:
     base[:, :2, 3] = scale * (position[:, 0, :2] - position[0, 0, :2])
     feet = np.stack([_chain_foot(chain, side, base, position) for chain, side in zip(chains, _SIDES, strict=True)])
     # The base is as high as the lower foot's leg carries it.
-    sole_m = np.array([leg.sole_m for leg in robot.legs])
+    sole_m = np.array([leg.origin_m for leg in robot.legs])
     below = (feet[..., 2] - sole_m[:, None]).min(axis=0)
     base[:, 2, 3] = -ndimage.gaussian_filter1d(below, _SMOOTHING_S * RATE_HZ, mode="nearest")
     feet[..., 2] += base[:, 2, 3]
     yaws = [np.unwrap(_heading(rotation[:, _BODY[f"{side}_ankle"]])) for side in _SIDES]
     for foot, yaw, leg, side in zip(feet, yaws, robot.legs, _SIDES, strict=True):
-        place = np.column_stack([foot - [0.0, 0.0, leg.sole_m], yaw])
+        place = np.column_stack([foot - [0.0, 0.0, leg.origin_m], yaw])
         place = planted(place, standing(position[:, _BODY[f"{side}_ankle"]]), brisk=True)
-        foot[:], yaw[:] = place[:, :3] + [0.0, 0.0, leg.sole_m], place[:, 3]
+        foot[:], yaw[:] = place[:, :3] + [0.0, 0.0, leg.origin_m], place[:, 3]
     return _solve(robot, base, rotation[:, _BODY["chest"]], feet, yaws, position, human.where)
 
 

@@ -14,6 +14,7 @@ from ..model.model import RobotModel
 from ..model.mujoco_warnings import described
 from ..planning.free_floor import free_floor
 from ..scope.scope import BehaviourScope
+from .assumptions import tell_assumptions
 from .attempts import Attempts, in_order
 from .failures import Reason
 from .rollout import Rollout
@@ -49,6 +50,7 @@ def successful_rollouts(
     the scene has no free floor.
     """
     attempts: list[Rollout] = []
+    tell_assumptions(model, scope, progress)
     floor = free_floor(model, scope, collision_mjcf)
     tried = in_order(Attempts(model.source, model.mount, scope, floor, collision_mjcf, settings, seed))
     with progress.task("Rollouts", settings.successes) as task:

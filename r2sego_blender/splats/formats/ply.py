@@ -11,7 +11,7 @@ from ...core.errors import AssetError
 from ..asset import SplatAsset
 from .compressed_ply import ELEMENTS, is_compressed, unpacked
 from .files import publishing
-from .ply_vertices import read_elements, read_vertices
+from .ply_vertices import read_elements, read_vertices, vertex_properties
 from .record import SplatFormat
 
 _ROWS_AT_ONCE = 1 << 14
@@ -19,6 +19,10 @@ _ROWS_AT_ONCE = 1 << 14
 
 _MOST_REST = 15
 """Coefficients a channel beside the first, of degree 3."""
+
+_FILTER = "filter_3D"
+_USUAL_OTHERS = ("red", "green", "blue", "alpha")
+"""Of points: an asset's colours are its harmonics."""
 
 LOGIT_OF_1, LOG_SCALE_OF_0 = 17.0, -27.0
 """As ``formats.values`` bounds them: nothing in a picture tells them from infinite ones."""
@@ -81,7 +85,8 @@ def from_vertices(vertices: np.ndarray, path: Path) -> SplatAsset:
 
     Gaussians with a value that is not finite are dropped, but for what other programs mean by
     infinity: opacities of 1 and scales of 0. Without the third scale (2DGS) they are discs as
-    thin as a thousandth of their smaller radius. Of degree 4 the degrees up to 3 are taken.
+    thin as a thousandth of their smaller radius. Of degree 4 the degrees up to 3 are taken. The 3D smoothing
+    filter of Mip-Splatting, ``filter_3D``, goes into scales and opacities.
     """
     names = vertices.dtype.names or ()
 
@@ -114,6 +119,8 @@ def from_vertices(vertices: np.ndarray, path: Path) -> SplatAsset:
     log_scales[np.isneginf(log_scales)] = LOG_SCALE_OF_0
     logit_opacities = columns("opacity")[:, 0]
     logit_opacities[np.isposinf(logit_opacities)] = LOGIT_OF_1
+    if _FILTER in names:
+        log_scales, logit_opacities = _filtered(log_scales, logit_opacities, columns(_FILTER)[:, 0])
     return SplatAsset(
         means=columns("x", "y", "z"),
         log_scales=log_scales,
@@ -121,6 +128,29 @@ def from_vertices(vertices: np.ndarray, path: Path) -> SplatAsset:
         logit_opacities=logit_opacities,
         sh=columns(*harmonics).reshape(len(vertices), kept + 1, 3),
     ).finite(path)
+
+
+def _filtered(
+    log_scales: np.ndarray, logit_opacities: np.ndarray, filter_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gaussians convolved with an isotropic one of standard deviation (N,) metres, which keep their mass.
+
+    Yu et al., Mip-Splatting (2024), eq. 9; other programs render what such a file holds without it wrongly.
+    """
+    filter_m = np.abs(filter_m.astype(np.float64))
+    with np.errstate(divide="ignore"):  # no filter, and opacities of 0
+        wider = 0.5 * np.logaddexp(2.0 * log_scales, 2.0 * np.log(filter_m)[:, None])
+        log_opacities = -np.logaddexp(0.0, -logit_opacities.astype(np.float64)) + (log_scales - wider).sum(axis=1)
+        logits = np.minimum(log_opacities - np.log(-np.expm1(log_opacities)), logit_opacities)
+    none = filter_m == 0.0
+    return np.where(none[:, None], log_scales, wider), np.where(none, logit_opacities, logits)
+
+
+def unread_properties(path: Path) -> list[str]:
+    """Those of a PLY's vertices that no asset has, such as another program's own; they may change its pictures."""
+    read = {*_property_names(0), *_USUAL_OTHERS, _FILTER}
+    names = vertex_properties(path)
+    return [name for name in names if name not in read and not name.startswith(("f_rest_", "packed_"))]
 
 
 def _property_names(rest_count: int) -> list[str]:
@@ -147,4 +177,5 @@ FORMAT = SplatFormat(
     magic=(b"ply\n", b"ply\r"),
     load=_load,
     save=_save,
+    unread=unread_properties,
 )

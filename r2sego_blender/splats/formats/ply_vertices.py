@@ -63,9 +63,18 @@ def read_elements(path: Path, names: Collection[str]) -> dict[str, np.ndarray]:
 
 def vertex_count(path: Path) -> int:
     """How many vertices the header announces; the rest of the file is not read. Raises AssetError."""
+    return _vertex_element(path).count
+
+
+def vertex_properties(path: Path) -> list[str]:
+    """Their scalar properties; otherwise as ``vertex_count``."""
+    return [name for name, _ in _vertex_element(path).fields]
+
+
+def _vertex_element(path: Path) -> _Element:
     header = content(path, _LONGEST_HEADER)
     _, elements, _ = _header(header, path.stat().st_size, path)
-    return next(element.count for element in elements if element.name == "vertex")
+    return next(element for element in elements if element.name == "vertex")
 
 
 def _elements(data: bytes, names: Collection[str], path: Path) -> dict[str, np.ndarray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +16,8 @@ class SplatFormat:
     ``suffixes`` choose it. ``menu`` has those that are offered where one is chosen, each with its
     label and what the file keeps, and ``rank`` is the format's place in lists. Its files begin with one
     of ``magic``, with anything if there is none. ``is_y_up`` tells the axes in the file from the world's,
-    which are Z up; ``degree`` is the highest of the harmonics that it keeps.
+    which are Z up; ``degree`` is the highest of the harmonics that it keeps. ``unread`` names what a file has
+    of each Gaussian and no asset keeps.
 
     ``load`` returns the asset in the world frame, without Gaussians that ``asset.usable`` does not name;
     it raises AssetError naming a file that is missing, damaged or of another format. ``save`` writes
@@ -32,3 +33,4 @@ class SplatFormat:
     save: Callable[[Path, SplatAsset], None]
     is_y_up: bool = False
     degree: int = 3
+    unread: Callable[[Path], Sequence[str]] | None = None

@@ -12,6 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from ...core.errors import AssetError
+from ...core.printable import printable
+from ...core.progress import SILENT, Progress
 from ..asset import SplatAsset
 from . import __path__
 from .files import content
@@ -29,6 +31,7 @@ SUFFIXES = tuple(suffix for found in FORMATS for suffix in found.suffixes)
 MENU = tuple(choice for found in FORMATS for choice in found.menu)
 """Suffix, label and description of what is offered where a format is chosen, the usual first."""
 
+_LISTED = 12
 _MAGIC = tuple(magic for found in FORMATS for magic in found.magic)
 
 
@@ -41,11 +44,12 @@ def format_of(path: Path | str) -> SplatFormat:
     raise AssetError(f"'{suffix}' is no format of splats", where=path, cure=f"Use one of {', '.join(SUFFIXES)}.")
 
 
-def load_asset(path: Path | str) -> SplatAsset:
+def load_asset(path: Path | str, progress: Progress = SILENT) -> SplatAsset:
     """The asset in a file of any format, in the world frame: Z up, metres.
 
     Gaussians with a value that is not finite, or beyond all bounds (``asset.usable``), are dropped.
-    A ``.ply`` may be the compressed one of SuperSplat. Raises AssetError naming the file when it is
+    A ``.ply`` may be the compressed one of SuperSplat. Properties that no asset keeps are named in a
+    warning. Raises AssetError naming the file when it is
     missing, damaged or of another format.
     """
     path = Path(path)
@@ -56,7 +60,10 @@ def load_asset(path: Path | str) -> SplatAsset:
         )
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # of values that are dropped
-            return found.load(path)
+            asset = found.load(path)
+        if found.unread is not None and (names := found.unread(path)):
+            progress.message(f"{path}: not read: {', '.join(map(printable, names[:_LISTED]))}", "warning")
+        return asset
     except AssetError as error:
         if error.where is not None:
             raise

@@ -6,9 +6,10 @@ most programs read, the one that keeps rotations well.
 
 from __future__ import annotations
 
+import io
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,6 +30,7 @@ _TABLE_OFFSET = struct.Struct("<I")
 _HEADER_BYTES_V4 = 32
 _TABLE_ENTRY = struct.Struct("<QQ")
 _WRITTEN_VERSION = 3
+_BEFORE_4 = range(1, 4)
 _HIGHEST_DEGREE = 4
 _HAS_EXTENSIONS = 2
 _COORDINATE_SYSTEM = 0xADBE0003
@@ -95,11 +97,13 @@ def save_spz(path: Path, asset: SplatAsset) -> None:
 def load_spz(path: Path) -> SplatAsset:
     """Read an SPZ file of version 1 to 4; of degree 4, the degrees up to 3.
 
-    Axes are SPZ's own (x right, y up, z back) or those the file's coordinate system
-    extension names. Raises AssetError naming the file when it is damaged.
+    Versions 1 to 3 may stand there without their gzip. Axes are SPZ's own (x right, y up, z back)
+    or those the file's coordinate system extension names. Raises AssetError naming the file when it is damaged.
     """
     data = content(path)
-    if data.startswith(_MAGIC):
+    if data.startswith(_MAGIC) and int.from_bytes(data[4:8], "little") in _BEFORE_4:
+        packed = _before_version_4(io.BytesIO(data).read, len(data), path)
+    elif data.startswith(_MAGIC):
         packed = _opened_v4(data, path)
     elif data.startswith(_GZIP_MAGIC):
         packed = _opened_gzip(data, path)
@@ -157,18 +161,32 @@ def _checked_header(header: bytes, versions: range, file_bytes: int, path: Path)
 
 
 def _opened_gzip(data: bytes, path: Path) -> _Packed:
-    """Versions 1 to 3: one gzip stream of header, parts and extensions."""
+    """Versions 1 to 3: one gzip stream."""
     inflater = zlib.decompressobj(wbits=16 + zlib.MAX_WBITS)
+    waiting = data
+
+    def read(count: int) -> bytes:
+        nonlocal waiting
+        part = inflater.decompress(waiting, count) if count else b""  # 0 means all to zlib
+        waiting = inflater.unconsumed_tail if count else waiting
+        return part
+
     try:
-        header = inflater.decompress(data, _HEADER.size)
-        version, count, degree, bits, flags, _ = _checked_header(header, range(1, 4), len(data), path)
-        sizes = _sizes(version, degree)
-        size = count * sum(sizes.values())
-        body = inflater.decompress(inflater.unconsumed_tail, size) if size else b""
-        rest = inflater.decompress(inflater.unconsumed_tail, _LONGEST_EXTENSIONS)
+        packed = _before_version_4(read, len(data), path)
     except zlib.error as error:
         raise AssetError("the compressed data are damaged", where=path, cure="Copy it again.") from error
-    if len(body) < size or not (inflater.eof or inflater.unconsumed_tail):
+    if not (inflater.eof or inflater.unconsumed_tail):
+        raise _cut_short(path)
+    return packed
+
+
+def _before_version_4(read: Callable[[int], bytes], file_bytes: int, path: Path) -> _Packed:
+    """Header, parts and extensions of versions 1 to 3, of which ``read`` gives the next so many bytes."""
+    version, count, degree, bits, flags, _ = _checked_header(read(_HEADER.size), _BEFORE_4, file_bytes, path)
+    sizes = _sizes(version, degree)
+    size = count * sum(sizes.values())
+    body, rest = read(size), read(_LONGEST_EXTENSIONS)
+    if len(body) < size:
         raise _cut_short(path)
     ends = np.cumsum([count * width for width in sizes.values()])[:-1]
     streams = np.split(np.frombuffer(body, np.uint8), ends)

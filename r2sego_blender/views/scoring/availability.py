@@ -1,7 +1,8 @@
 """The geometry availability g of many views: the share of pixels that the proxy can render.
 
-A sample of a pixel is valid where it shows the free side of a face that some capture saw;
-a pixel's validity is the share of its samples. The z-buffer keeps one integer a sample, the
+A sample of a pixel is valid where it shows the free side of a face that some capture saw, not
+too flatly and not from too far away for this view; a pixel's validity is the share of its
+samples. The z-buffer keeps one integer a sample, the
 inverse depth's bits with the lowest telling whether the face is valid. The faces stand in
 clusters of neighbours, so that a view skips the clusters it does not see at once, and a
 thread works on a whole view at a time.
@@ -18,6 +19,8 @@ from ...core.cameras import Camera
 from ...core.compiled import inlined, kernel, parallel_kernel, prange
 from ...core.errors import GeometryError
 from ...geometry.proxy.proxy import GeometryProxy
+from ...geometry.visibility.coverage import face_areas
+from ...geometry.visibility.face_sight import STEEP, FaceSight
 from ...geometry.visibility.projection import NEAR_M, place, screen_extent
 from ...geometry.visibility.rasterizer import edge_plane
 from ...geometry.visibility.view_volume import in_view, side_planes
@@ -28,15 +31,22 @@ from ...splats.vector_language.vectors import LANES, VECTOR_BYTES, Code, Value, 
 SAMPLES = 2
 """Samples of a pixel, a side."""
 
+_LARGEST_STRETCH = 4.0
+"""Pixels of a view, a side, that one of a photograph may fill: beyond, there is only a smear to show."""
+
 _CLUSTER = 128  # faces: few enough for their vertices to stay in a core's own memory
 _ROUNDING_PX = 1e-6  # bounds are widened by this, so that rounding never loses a sample
 _GREATEST = 1e30  # inverse depth at the camera plane
 
 
 class ValidityRenderer:
-    """Scores views of one proxy. Raises GeometryError for a mesh that cannot be drawn."""
+    """Scores views of one proxy. Raises GeometryError for a mesh that cannot be drawn.
 
-    def __init__(self, proxy: GeometryProxy) -> None:
+    ``sight`` tells how well the captures saw its faces: what they saw as flatly as floor far off,
+    or more coarsely than a view shows it, is not available there. Without it support alone counts.
+    """
+
+    def __init__(self, proxy: GeometryProxy, sight: FaceSight | None = None) -> None:
         vertices, faces = np.asarray(proxy.vertices, np.float64), np.asarray(proxy.faces, np.int64)
         if not np.isfinite(vertices).all():
             raise GeometryError("the proxy has vertices that are not finite", cure="Run the round again.")
@@ -44,7 +54,7 @@ class ValidityRenderer:
             raise GeometryError("the proxy has faces without vertices", cure="Run the round again.")
         order = morton_order(vertices[faces].mean(axis=1)) if len(faces) else np.zeros(0, np.int64)
         faces = faces[order]
-        self._supported = np.ascontiguousarray(proxy.support[order] > 0)
+        self._largest_px2 = np.ascontiguousarray(_largest_px2(proxy, sight)[order])
         # Each cluster has its own vertices, in the mesh's order: two faces of an edge that two
         # clusters share meet in the same numbers.
         cluster = np.arange(len(faces), dtype=np.int64) // _CLUSTER  # NumPy 1 counts in 32 bits on Windows
@@ -86,7 +96,7 @@ class ValidityRenderer:
             self._starts,
             self._spheres,
             self._faces,
-            self._supported,
+            self._largest_px2 * sample_spread**2,
             x.ctypes.data,
             y.ctypes.data,
             planes.ctypes.data,
@@ -101,6 +111,15 @@ class ValidityRenderer:
         if self._planes.shape != shape:
             self._planes = aligned(shape, np.int32)
         return self._planes
+
+
+def _largest_px2(proxy: GeometryProxy, sight: FaceSight | None) -> np.ndarray:
+    """(F,) float64: the area in pixels up to which each face is valid in a view; 0 where it never is."""
+    if sight is None:
+        return np.where(proxy.support > 0, np.inf, 0.0)
+    photographed_px2 = sight.density * face_areas(proxy.vertices, proxy.faces)
+    steep = (proxy.support > 0) & (sight.cosine >= STEEP)
+    return np.where(steep, photographed_px2 * _LARGEST_STRETCH**2, 0.0)
 
 
 def _spheres(vertices: np.ndarray, starts: np.ndarray) -> np.ndarray:
@@ -122,7 +141,7 @@ def _pitch_bytes(columns):
 
 @parallel_kernel
 def _render(
-    poses, lens, width, height, offsets, vertices, starts, spheres, faces, supported, x, y, planes, plane_bytes
+    poses, lens, width, height, offsets, vertices, starts, spheres, faces, largest_px2, x, y, planes, plane_bytes
 ):
     """Fill each view's z-buffer; ``x``, ``y``, the samples' rays, and ``planes`` are addresses."""
     for view in prange(poses.shape[0]):
@@ -137,7 +156,7 @@ def _render(
             for k in range(last - first):
                 place(vertices, first + k, pose, lens, local, screen, k)
             for f in range(cluster * _CLUSTER, min(faces.shape[0], (cluster + 1) * _CLUSTER)):
-                _draw(local, screen, faces[f], supported[f], lens, width, height, offsets, x, y, plane)
+                _draw(local, screen, faces[f], largest_px2[f], lens, width, height, offsets, x, y, plane)
 
 
 @inlined
@@ -214,7 +233,7 @@ def _fill(
 
 
 @kernel
-def _draw(local, screen, face, supported, lens, width, height, offsets, x, y, plane):
+def _draw(local, screen, face, largest_px2, lens, width, height, offsets, x, y, plane):
     """Draw a face into the z-buffer of samples, as ``geometry.visibility.rasterizer`` does."""
     i, j, k = face[0], face[1], face[2]
     zi, zj, zk = local[i, 2], local[j, 2], local[k, 2]
@@ -236,12 +255,14 @@ def _draw(local, screen, face, supported, lens, width, height, offsets, x, y, pl
     if det == 0.0:
         return
     sign = 1.0 if det > 0.0 else -1.0
-    valid = np.int32(1) if supported and det < 0.0 else np.int32(0)
+    low, high = min(zi, zj, zk), max(zi, zj, zk)
+    # The determinant is twice the area at focal length 1, times the corners' depths.
+    fine = low > 0.0 and -det * lens[0] * lens[1] <= 2.0 * zi * zj * zk * largest_px2
+    valid = np.int32(1) if det < 0.0 and (fine or largest_px2 == np.inf) else np.int32(0)
     scale = 1.0 / (det * sign)
     ax, ay, az = ax * sign, ay * sign, az * sign
     bx, by, bz = bx * sign, by * sign, bz * sign
     cx, cy, cz = cx * sign, cy * sign, cz * sign
-    low, high = min(zi, zj, zk), max(zi, zj, zk)
     closest = min(1.0 / low, _GREATEST) if low > 0.0 else _GREATEST
     pitch = _pitch_bytes(width * offsets.shape[0])
     _fill(

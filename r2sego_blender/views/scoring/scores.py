@@ -10,6 +10,8 @@ from ...config.settings import SelectionSettings
 from ...core.cameras import Camera
 from ...core.progress import SILENT, Progress
 from ...geometry.proxy.proxy import GeometryProxy
+from ...geometry.visibility.face_sight import FaceSight, face_sight
+from ...geometry.visibility.rasterizer import MeshRasterizer
 from ...splats.asset import SplatAsset
 from ...splats.kernels.projection import DILATION_PX2
 from .availability import ValidityRenderer
@@ -25,18 +27,20 @@ def support_scores(
     proxy: GeometryProxy,
     settings: SelectionSettings,
     progress: Progress = SILENT,
+    captures: Sequence[Camera] = (),
 ) -> tuple[np.ndarray, np.ndarray]:
     """Asset deficit u (M,) and geometry availability g (M,) of each camera, float64 in [0, 1].
 
     u is the share of pixels whose alpha is below its threshold, g the share whose validity
-    reaches its own; g is 1 where the settings leave the geometry out. At a scoring scale
+    reaches its own; g is 1 where the settings leave the geometry out. With ``captures`` only
+    what these saw well enough is valid, else all that has support. At a scoring scale
     below 1 the same is asked of fewer pixels, at the full image's sharpness: a sample of
     its pixels, not a smaller image. The cameras share one lens. The same bits for any
     number of threads.
     """
     scale = settings.scoring_scale
     alphas = AlphaRenderer(asset)
-    validities = ValidityRenderer(proxy) if settings.geometry == "proxy" else None
+    validities = ValidityRenderer(proxy, _sight(proxy, captures)) if settings.geometry == "proxy" else None
     deficit, availability = np.empty(len(cameras)), np.ones(len(cameras))
     with progress.task("Scoring candidates", len(cameras)) as task:
         for start in range(0, len(cameras), _VIEWS_AT_A_TIME):
@@ -47,3 +51,11 @@ def support_scores(
                 availability[some] = validities.available_shares(views, settings.validity_threshold, scale)
             task.advance(len(views))
     return deficit, availability
+
+
+def _sight(proxy: GeometryProxy, captures: Sequence[Camera]) -> FaceSight | None:
+    """How well the captures see the proxy; None without any."""
+    if not captures:
+        return None
+    rasterizer = MeshRasterizer(proxy.vertices, proxy.faces)
+    return face_sight(proxy.vertices, proxy.faces, captures, lambda camera: rasterizer.render(camera).depth)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 
 import cv2
 import numpy as np
@@ -13,12 +14,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from measured_points import measured
 from PIL import Image
+from progress_recorder import ProgressRecorder
 
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.frame.depth_scale import depth_scale
 from r2sego_blender.captures.frame.scale import Scale
 from r2sego_blender.captures.frame.world_frame import register
-from r2sego_blender.captures.importing import Imported
+from r2sego_blender.captures.importing import Imported, import_captures
 from r2sego_blender.captures.lenses.lens import Lens
 from r2sego_blender.captures.poses.photographs import Photograph, capture_of
 from r2sego_blender.captures.sensors.sensor_depth import SensorDepth
@@ -223,3 +225,66 @@ def test_a_real_offices_depth_tells_its_metre(shared, first):
     found = depth_scale(captures, triangulate(captures, SETTINGS), SensorDepth(folder / "depth"))
     assert found.metres_per_unit * 0.3 == pytest.approx(1.0, abs=0.015)
     assert abs(found.metres_per_unit * 0.3 - 1.0) < 2 * found.uncertainty
+
+
+def _transforms(folder, captures, maps_m, unit_m, said=True, **more):
+    """A nerfstudio file of the captures with depth maps of whole numbers of ``unit_m``."""
+    frames = []
+    for index, (capture, depth_m) in enumerate(zip(captures, maps_m, strict=True)):
+        (folder / "images").mkdir(exist_ok=True)
+        (folder / "images" / f"{index}.png").write_bytes(capture.image_path.read_bytes())
+        _write(folder / "d" / f"frame_{index}", depth_m * 0.001 / unit_m)
+        pose = capture.camera.world_from_camera @ np.diag([1.0, -1.0, -1.0, 1.0])
+        named = {"depth_file_path": f"d/frame_{index}.png"}
+        frames.append({"file_path": f"images/{index}.png", "transform_matrix": pose.tolist(), **named})
+    lens = captures[0].camera
+    data = {"fl_x": lens.fx, "fl_y": lens.fy, "cx": lens.cx, "cy": lens.cy, "w": lens.width, "h": lens.height}
+    unit = {"depth_unit_scale_factor": unit_m} if said else {}
+    (folder / "transforms.json").write_text(json.dumps({**data, **unit, **more, "frames": frames}))
+    return folder / "transforms.json"
+
+
+def test_depth_that_transforms_json_names_tells_the_scale(tmp_path, rng, room, room_cameras, room_captures, messages):
+    captures, sparse = _scaled(room_captures, _sparse(room, room_cameras, rng), 2.5)
+    file = _transforms(tmp_path, captures, [room.depth(camera) for camera in room_cameras], 1 / 4000)
+    imported = import_captures(tmp_path, file, SETTINGS, messages)
+    assert imported.depth is not None and not imported.metric
+    found = register(imported, sparse, Scale.automatic(), SETTINGS, messages)
+    assert np.cbrt(np.linalg.det(found.world_from_capture[:3, :3])) == pytest.approx(0.4, rel=0.005)
+
+
+def test_maps_that_are_named_but_missing_are_told_and_the_others_count(tmp_path, room, room_captures, messages):
+    file = _transforms(tmp_path, room_captures, [room.depth(c.camera) for c in room_captures], 0.001, said=False)
+    (tmp_path / "d" / "frame_2.png").unlink()
+    depth = import_captures(tmp_path, file, SETTINGS, messages).depth
+    there = [depth.of(capture, "") is not None for capture in import_captures(tmp_path, file, SETTINGS).captures]
+    assert there == [True, True, False, True, True]
+    assert any("1 of the 5" in text for text in messages.warnings)
+
+
+@pytest.mark.parametrize("unit_m", [1 / 5000, 1 / 6553.5, 1 / 256])
+def test_depth_in_another_unit_than_poses_in_metres_is_refused_with_the_unit(
+    tmp_path, rng, room, room_cameras, room_captures, unit_m
+):
+    for capture in room_captures:
+        _write(tmp_path / capture.name, room.depth(capture.camera) * (0.001 / unit_m))
+    sparse = _sparse(room, room_cameras, rng)
+    imported = Imported(tuple(room_captures), "test", True)
+    with refused(CaptureError, tmp_path, cure=f"--depth-unit {unit_m:.6g}"):
+        register(imported, sparse, Scale.depth(tmp_path), SETTINGS)
+    found = register(imported, sparse, Scale.depth(tmp_path, unit_m), SETTINGS)
+    assert np.cbrt(np.linalg.det(found.world_from_capture[:3, :3])) == pytest.approx(1.0, rel=0.01)
+
+
+def test_cameras_as_high_as_nobody_holds_them_are_told_with_the_unit(
+    tmp_path, rng, room, room_cameras, room_captures, messages
+):
+    for capture in room_captures:
+        _write(tmp_path / capture.name, room.depth(capture.camera) * 5.0)
+    captures, sparse = _scaled(room_captures, _sparse(room, room_cameras, rng), 1.7)
+    imported = Imported(tuple(captures), "test", False)
+    register(imported, sparse, Scale.depth(tmp_path), SETTINGS, messages)
+    assert any("--depth-unit 0.0002" in text for text in messages.warnings)
+    quiet = ProgressRecorder()
+    register(imported, sparse, Scale.depth(tmp_path, 1 / 5000), SETTINGS, quiet)
+    assert not any("--depth-unit" in text for text in quiet.warnings)

@@ -35,7 +35,7 @@ def twins():
 def test_matches_are_as_clear_as_is_set(twins, ratio, found):
     settings = CaptureSettings(match_ratio=ratio, min_matches=8)
     plain = match_all(twins, settings, SILENT)
-    guided = match_guided([(0, 1)], twins, [CAMERA, BESIDE], ["a", "b"], settings, SILENT)
+    guided = match_guided({(0, 1): np.zeros((0, 2), np.int32)}, twins, [CAMERA, BESIDE], ["a", "b"], settings, SILENT)
     expected = np.repeat(np.arange(found)[:, None], 2, axis=1).tolist()
     assert [matches.tolist() for matches in plain.values()] == ([expected] if found else [])
     assert guided[0, 1].tolist() == expected

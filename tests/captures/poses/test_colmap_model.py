@@ -114,6 +114,29 @@ def test_one_cameras_folder_is_never_taken_for_anothers(tmp_path, rng, blank_pho
         import_captures(tmp_path / "images" / "cam1", tmp_path / "sparse", SETTINGS)
 
 
+@pytest.mark.parametrize(("binary", "line_end"), [(True, "\n"), (False, "\n"), (False, "\r\n")])
+def test_names_with_spaces_are_read_whole(tmp_path, rng, blank_photograph, messages, binary, line_end):
+    """``NAME`` is the rest of the line, of which COLMAP's own reader takes the first word."""
+    poses = _rig_model(tmp_path / "model", rng, binary)
+    solved = pycolmap.Reconstruction(tmp_path / "model")
+    names = {name: f"Living room {i}/Room {i}  ({name[3]}) a.png" for i, name in enumerate(sorted(poses))}
+    names["cam2/002.png"] = "plain.png"
+    for image in solved.images.values():
+        image.name = names[image.name]
+    (solved.write_binary if binary else solved.write_text)(tmp_path / "model")
+    if not binary:
+        path = tmp_path / "model" / "images.txt"
+        path.write_bytes(path.read_bytes().replace(b"\n", line_end.encode()))
+    for name, renamed in names.items():
+        blank_photograph(tmp_path / "images" / renamed, *((64, 48) if name.startswith("cam1") else (40, 32)))
+    captures = import_captures(tmp_path / "images", tmp_path / "model", SETTINGS, messages).captures
+    assert messages.warnings == []
+    renamed_poses = {names[name].rpartition("/")[2]: pose for name, pose in poses.items()}
+    assert {capture.name for capture in captures} == set(renamed_poses)
+    for capture in captures:
+        assert np.abs(capture.camera.world_from_camera - renamed_poses[capture.name]).max() < 1e-9
+
+
 def test_models_without_points(tmp_path, rng):
     _rig_model(tmp_path / "sparse", rng)
     (tmp_path / "sparse" / "points3D.bin").unlink()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 
+import numpy as np
 import pytest
 from expected_errors import refused
 from PIL import Image
@@ -29,6 +30,41 @@ def test_a_plain_folder_is_taken_whole_and_nothing_is_said(folder, messages):
         (folder / name).write_bytes(b"\x00")
     assert _names(plain_photographs(folder, messages)) == ["IMG_0.png", "IMG_1.png", "IMG_2.png"]
     assert messages.messages == []
+
+
+def _depth_map(path, kind="png"):
+    path.parent.mkdir(exist_ok=True)
+    depth_mm = np.linspace(500, 4000, 64 * 48).reshape(48, 64)
+    values = depth_mm.astype(np.uint16) if kind == "png" else (depth_mm / 1000).astype(np.float32)
+    Image.fromarray(values).save(path.with_suffix(f".{kind}"))
+
+
+@pytest.mark.parametrize("kind", ["png", "tiff"])
+def test_depth_maps_beside_photographs_are_passed_over_and_named(folder, messages, kind):
+    """As 7-Scenes lays them out; a grey photograph has 8 bits and stays one."""
+    for index in range(3):
+        _depth_map(folder / f"IMG_{index}_depth", kind)
+    Image.open(folder / "IMG_0.png").convert("L").save(folder / "grey.png")
+    assert _names(plain_photographs(folder, messages)) == ["IMG_0.png", "IMG_1.png", "IMG_2.png", "grey.png"]
+    [(_, told)] = messages.messages
+    assert all(f"IMG_{index}_depth.{kind}" in told for index in range(3)) and "depth maps" in told
+
+
+def test_photographs_of_16_bits_alone_are_photographs(tmp_path, messages):
+    for index in range(3):
+        values = np.random.default_rng(index).integers(0, 65536, (48, 64)).astype(np.uint16)
+        Image.fromarray(values).save(tmp_path / f"{index}.png")
+    assert len(plain_photographs(tmp_path, messages)) == 3 and messages.messages == []
+
+
+def test_a_folder_of_depth_maps_is_not_pointed_to(tmp_path, blank_photograph):
+    """TUM's layout."""
+    for index in range(3):
+        blank_photograph(tmp_path / "rgb" / f"{index}.png")
+        _depth_map(tmp_path / "depth" / f"{index}")
+    with refused(CaptureError, tmp_path, "0 photographs", "some in rgb", cure="Give that folder.") as caught:
+        plain_photographs(tmp_path, SILENT)
+    assert "depth" not in caught.value.what
 
 
 def test_copies_of_a_photograph_are_taken_once(folder, messages):

@@ -77,9 +77,28 @@ def test_a_file_is_known_by_what_it_holds(tmp_path):
     kinds = {name: find_poses(tmp_path / name)[0].name for name in ("a.json", "b.json", *MODEL)}
     assert set(kinds.values()) == {"transforms.json", "cameras.json", "COLMAP model"}
     assert kinds[MODEL[0]] == kinds[MODEL[1]] == "COLMAP model"
-    with refused(CaptureError, "c.json", "neither 'captures' nor 'frames'"):
-        find_poses(tmp_path / "c.json")
     assert holds_poses(tmp_path / "a.json") and not holds_poses(tmp_path / "b.json")
+
+
+FOREIGN = {
+    "cameras.csv": "#name,x,y,alt,heading,pitch,roll\nIMG_1.jpg,0,1,2,3,4,5\n",  # RealityScan
+    "cameras.xml": '<?xml version="1.0"?><document version="2.0.0"><chunk/></document>',  # Metashape
+    "bundle.out": "# Bundle file v0.3\n1 0\n1600 0 0\n1 0 0\n0 1 0\n0 0 1\n0 0 0\n",  # Bundler
+    "groundtruth.txt": "# timestamp tx ty tz qx qy qz qw\n1305031098.6 1 2 3 0 0 0 1\n",  # TUM
+    "reconstruction.json": '[{"cameras": {}, "shots": {}, "points": {}}]',  # OpenSfM
+    "meta_data.json": '{"camera_model": "OPENCV", "frames": [{"rgb_path": "0.png", "camtoworld": []}]}',  # sdfstudio
+    "list.json": "[1, 2]",
+    "views.json": '{"views": []}',
+    "number.json": "12",
+}
+
+
+@pytest.mark.parametrize("name", FOREIGN)
+def test_poses_of_another_program_are_told_what_is_accepted(tmp_path, name):
+    (tmp_path / name).write_text(FOREIGN[name])
+    with refused(CaptureError, tmp_path / name, cure=FORMATS[0].name) as caught:
+        find_poses(tmp_path / name)
+    assert all(record.name in caught.value.cure for record in FORMATS)
 
 
 def test_a_folder_without_poses_names_every_kind(tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import unicodedata
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from splat_photographs import write_points
 
 from r2sego_blender.captures.importing import import_captures
 from r2sego_blender.captures.poses.formats.transforms_json import points
+from r2sego_blender.captures.poses.transforms_json import read_transforms_json
 from r2sego_blender.config.settings import CaptureSettings
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import CaptureError
@@ -136,6 +138,62 @@ def test_what_nerfstudio_writes(tmp_path, rng, blank_photograph):
     for i, (capture, pose) in enumerate(zip(captures, poses, strict=True)):
         assert capture.camera.fx == 50.0 + i and capture.camera.fy == 51.0
         assert np.abs(capture.camera.world_from_camera - pose).max() < 1e-9
+
+
+def _names_of(folder, path, messages, held_out=False):
+    return [photograph.name for photograph in read_transforms_json(path, folder, messages, held_out)[0]]
+
+
+@pytest.mark.parametrize("spelt", ["images/{}.jpg", "./images/{}.JPG"])
+def test_frames_that_are_held_out_are_not_imported(tmp_path, rng, blank_photograph, messages, spelt):
+    """Of nerfstudio's three lists; whoever is trained on is not held out, and in none neither."""
+    _photographs(tmp_path, blank_photograph, count=6)
+    split = {
+        "train_filenames": [spelt.format("0000"), spelt.format("0001")],
+        "val_filenames": [spelt.format("0001"), spelt.format("0002")],
+        "test_filenames": [spelt.format("0003")],
+    }
+    frames = [{"mask_path": "no.png"}] * 6
+    path = _written(tmp_path, _poses(rng, 6), {"fl_x": 50.0, **split}, frames)
+    kept = [f"{i:04d}.jpg" for i in (0, 1, 4, 5)]
+    assert [capture.name for capture in import_captures(tmp_path, path, SETTINGS, messages).captures] == kept
+    assert messages.warnings == [] and any(
+        "0002.jpg" in text and "0003.jpg" in text and "held out" in text for _, text in messages.messages
+    )
+    assert import_captures(tmp_path, path, SETTINGS).masks == len(kept)
+    assert _names_of(tmp_path, path, messages, held_out=True) == ["0002.jpg", "0003.jpg"]
+
+
+def test_without_a_split_all_frames_are_imported_or_scored(tmp_path, rng, blank_photograph, messages):
+    _photographs(tmp_path, blank_photograph)
+    path = _written(tmp_path, _poses(rng), {"fl_x": 50.0, "test_filenames": [], "train_filenames": None})
+    assert len(_names_of(tmp_path, path, messages)) == len(_names_of(tmp_path, path, messages, held_out=True)) == 4
+    assert messages.messages == []
+
+
+def test_frames_that_are_marked_bad_are_left_out_and_named(tmp_path, rng, blank_photograph, messages):
+    _photographs(tmp_path, blank_photograph, count=5)
+    frames = [{"is_bad": bad} for bad in (False, True, False, True, "no")]
+    told = {"fl_x": 50.0, "test_filenames": ["images/0003.jpg"]}
+    path = _written(tmp_path, _poses(rng, 5), told, frames)
+    assert _names_of(tmp_path, path, messages) == ["0000.jpg", "0002.jpg", "0004.jpg"]
+    [(_, text)] = messages.messages
+    assert "0001.jpg" in text and "0003.jpg" in text and "is_bad" in text
+
+
+@pytest.mark.parametrize("names", ["images/0001.jpg", [1], {"images/0001.jpg": True}])
+def test_a_split_that_is_no_list_of_names_is_refused(tmp_path, rng, blank_photograph, names):
+    _photographs(tmp_path, blank_photograph)
+    path = _written(tmp_path, _poses(rng), {"fl_x": 50.0, "test_filenames": names})
+    with refused(CaptureError, path, "'test_filenames'"):
+        import_captures(tmp_path, path, SETTINGS)
+
+
+def test_held_out_names_of_no_frame_are_told(tmp_path, rng, blank_photograph, messages):
+    _photographs(tmp_path, blank_photograph)
+    path = _written(tmp_path, _poses(rng), {"fl_x": 50.0, "test_filenames": ["images/0009.jpg"]})
+    assert len(_names_of(tmp_path, path, messages)) == 4
+    assert any("'test_filenames'" in text for text in messages.warnings)
 
 
 def _nerfstudio_radial(rays, k1, k2, k3, k4, p1, p2):
@@ -263,6 +321,26 @@ def test_photographs_of_another_case_or_kind_are_found(tmp_path, rng, blank_phot
     assert captures[0].name == f"0000{listed.partition('{}')[2]}"
 
 
+@pytest.mark.parametrize(("listed", "stored"), [("NFC", "NFD"), ("NFD", "NFC")])
+@pytest.mark.parametrize("folder", ["images", "Küche"])
+def test_names_that_look_the_same_are_found(tmp_path, rng, blank_photograph, messages, listed, stored, folder):
+    """Composed in the file and decomposed on the disk, as zips from a Mac are; folders, too."""
+    for i in range(4):
+        name = unicodedata.normalize(stored, f"{folder}/Büro {i}.jpg")
+        blank_photograph(tmp_path / name, 64, 48)
+    write_points(tmp_path / unicodedata.normalize(stored, "Büro.ply"))
+    names = [unicodedata.normalize(listed, f"{folder}/Büro {i}.{'JPG' if i else 'jpg'}") for i in range(4)]
+    path = _written(tmp_path, _poses(rng), {"fl_x": 50.0, "ply_file_path": unicodedata.normalize(listed, "Büro.ply")})
+    data = json.loads(path.read_text())
+    for frame, name in zip(data["frames"], names, strict=True):
+        frame["file_path"] = name
+    path.write_text(json.dumps(data, ensure_ascii=False), encoding="utf-8")
+    captures = import_captures(tmp_path, path, SETTINGS, messages).captures
+    assert [capture.name for capture in captures] == [name.rpartition("/")[2] for name in names]
+    assert all(capture.image_path.is_file() for capture in captures) and messages.warnings == []
+    assert points(path, messages) is not None
+
+
 def test_of_two_kinds_the_named_one_is_taken_or_none(tmp_path, rng, blank_photograph):
     """A depth map beside its photograph is no photograph of another kind."""
     _photographs(tmp_path, blank_photograph, "JPG")
@@ -273,6 +351,15 @@ def test_of_two_kinds_the_named_one_is_taken_or_none(tmp_path, rng, blank_photog
     path = _written(tmp_path, _poses(rng), {"fl_x": 50.0}, names="images/{}.webp")
     with refused(CaptureError, path, "4 of the 4"):
         import_captures(tmp_path, path, SETTINGS)
+
+
+def test_a_name_without_a_suffix_is_of_no_depth_map(tmp_path, rng, blank_photograph):
+    _photographs(tmp_path, blank_photograph)
+    for i in range(4):
+        Image.fromarray(np.full((48, 64), 2000, np.uint16)).save(tmp_path / "images" / f"{i:04d}.png")
+    path = _written(tmp_path, _poses(rng), {"fl_x": 50.0}, names="images/{}")
+    captures = import_captures(tmp_path, path, SETTINGS).captures
+    assert [capture.image_path.suffix for capture in captures] == [".jpg"] * 4
 
 
 @pytest.mark.parametrize(

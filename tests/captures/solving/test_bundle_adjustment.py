@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from r2sego_blender.captures.solving.bundle_adjustment import adjusted, reprojection_errors
+from r2sego_blender.captures.solving.bundle_adjustment import LENS_TERMS, adjusted, adjusted_lenses, reprojection_errors
 from r2sego_blender.core.cameras import Camera, look_at
 
 SIGMA_M, SIGMA_RAD = 0.01, np.radians(0.3)
@@ -191,3 +191,39 @@ def test_the_same_tracks_give_the_same_bits(rng):
     assert np.array_equal(p, q)
     for a, b in zip(first, second, strict=True):
         assert np.array_equal(a.world_from_camera, b.world_from_camera)
+
+
+def test_terms_of_lenses_come_back_with_their_uncertainty(rng):
+    """Five terms of two lenses at once, from wrong ones."""
+    cameras = _cameras(8)
+    points, _ = _tracks(cameras, rng)
+    group = np.arange(8) % 2
+    terms = np.array([[0.06, 0.02, -0.015, -0.08, 0.02], [-0.04, -0.01, 0.02, 0.05, -0.01]])
+    pixels = np.full((len(points), 8, 2), np.nan)
+    for index, camera in enumerate(cameras):
+        zoom, right, down, k1, k2 = terms[group[index]]
+        local = points @ camera.camera_from_world[:3, :3].T + camera.camera_from_world[:3, 3]
+        rays = local[:, :2] / local[:, 2:]
+        squares = (rays**2).sum(axis=1, keepdims=True)
+        bent = rays * (1.0 + squares * (k1 + squares * k2)) * np.exp(zoom) + [right, down]
+        seen = camera.sees(*camera.project(points))
+        pixels[seen, index] = (bent * [camera.fx, camera.fy] + [camera.cx, camera.cy])[seen]
+    free = np.ones((2, LENS_TERMS), bool)
+    given = _disturbed(cameras, rng, SIGMA_M / 3, SIGMA_RAD / 3)
+    found = adjusted_lenses(given, points, pixels, SIGMA_M, SIGMA_RAD, group, free, np.zeros((2, LENS_TERMS)))
+    assert (np.abs(found.terms - terms) < 3.0 * found.sigma).all()
+    assert (found.sigma[:, 0] < 0.01).all()
+    np.testing.assert_allclose(found.terms[:, 0], terms[:, 0], atol=0.004)
+    assert np.median(found.errors_px) < 0.02
+
+
+def test_terms_that_are_not_free_stay_and_without_any_it_is_the_adjustment_of_poses(rng):
+    cameras = _cameras(5)
+    given = _disturbed(cameras, rng)
+    points, pixels = _tracks(cameras, rng)
+    none = np.zeros((1, LENS_TERMS), bool)
+    alone, _ = adjusted(given, points, pixels, SIGMA_M, SIGMA_RAD)
+    found = adjusted_lenses(given, points, pixels, SIGMA_M, SIGMA_RAD, np.zeros(5, int), none, none * 1.0)
+    assert not found.terms.any() and not found.sigma.any()
+    for a, b in zip(alone, found.cameras, strict=True):
+        np.testing.assert_allclose(a.world_from_camera, b.world_from_camera, atol=1e-4)

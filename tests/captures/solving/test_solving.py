@@ -180,3 +180,16 @@ def test_a_photograph_at_a_wrong_place_is_left_out(shared, messages):
         turn = first.camera.camera_from_world @ capture.camera.world_from_camera
         true = np.linalg.inv(truth[first.name]) @ truth[capture.name]
         assert np.degrees(rotation_angle_rad(turn, true)) < 1.0
+
+
+@pytest.mark.parametrize("exif_mm", [18, 27])
+def test_a_cropped_picture_has_the_focal_length_that_the_photographs_say(room_captures, tmp_path, messages, exif_mm):
+    """27 mm are right; 18 are those of a picture of which two thirds are left."""
+    for capture in room_captures:
+        picture = Image.fromarray(to_uint8(capture.image()))
+        exif = picture.getexif()
+        exif.get_ifd(0x8769)[0xA405] = exif_mm
+        picture.save(tmp_path / capture.name.replace("png", "jpg"), quality=95, exif=exif)
+    photographs, _ = solve_poses(tmp_path, SETTINGS, messages)
+    assert [one.lens.fx for one in photographs] == pytest.approx([300.0] * 5, rel=0.02)
+    assert any("EXIF" in text for _, text in messages.messages) == (exif_mm != 27)

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from mathutils import Quaternion
 from shown_asset import BACKDROP_SPLATS, SPLATS, centres, group, show, values
-from support import BUNDLE, MODULE, OUT, calls, conduct, copied_bundle, open_bundle, refused, state
+from support import BUNDLE, MODULE, OUT, calls, conduct, copied_bundle, open_bundle, open_here, refused, state
 
 OPERATORS = {
     "add_splat_box",
@@ -168,7 +168,7 @@ def check_another_bundle_begins_without_splats_and_marks():
     copied_bundle()
     bpy.ops.r2sego.show_asset()
     bpy.ops.r2sego.mark_splats_box(lowest=(-0.6, -0.6, 0.4), highest=(0.6, 0.6, 2.0))
-    assert bpy.ops.r2sego.open_scene(directory=str(BUNDLE)) == {"FINISHED"}
+    open_here(BUNDLE)
     assert group().shown is None and not group().marks
     assert "Show the asset first" in refused(bpy.ops.r2sego.add_splat_box)
 
@@ -220,6 +220,9 @@ def check_the_asset_is_written_by_the_engine():
     for name, written in (("room.v2", "room.v2.spz"), ("room.v2.PLY", "room.v2.spz"), ("room", "room.spz")):
         bpy.ops.r2sego.export_asset(filepath=str(out / name), file_format=".spz")
         assert calls()[-1][2] == str(out / written), calls()[-1]
+    for name, written in (("room.spz", "room.spz"), ("room.GLB", "room.GLB"), ("a.usd", "a.usd"), ("room", "room.ply")):
+        bpy.ops.r2sego.export_asset(filepath=str(out / name))  # the suffix is the format
+        assert calls()[-1][2] == str(out / written), calls()[-1]
     assert "No file is chosen" in refused(bpy.ops.r2sego.export_asset)
 
 
@@ -228,10 +231,13 @@ def check_the_dialog_of_an_export_begins_anew_and_asks_before_it_overwrites():
     properties = bpy.ops.r2sego.export_asset.get_rna_type().properties
     assert properties["filepath"].is_skip_save and properties["stage"].is_skip_save
     assert properties["check_existing"].default and properties["check_existing"].is_hidden
-    given = SimpleNamespace(filepath="/a/room.ply", file_format=".spz")
-    given._file = lambda: bpy.types.R2SEGO_OT_export_asset._file(given)
-    changed = [bpy.types.R2SEGO_OT_export_asset.check(given, bpy.context) for _ in range(2)]
-    assert given.filepath == str(Path("/a/room.spz")) and changed == [True, False]
+    for typed, chosen, written in (("room.ply", ".spz", "room.spz"), ("room.glb", ".ply", "room.glb")):
+        given = SimpleNamespace(filepath=f"/a/{typed}", file_format=chosen, _seen_format=".ply")
+        given.properties = SimpleNamespace(is_property_set=lambda name: True)
+        given._file = lambda given=given: bpy.types.R2SEGO_OT_export_asset._file(given)
+        changed = [bpy.types.R2SEGO_OT_export_asset.check(given, bpy.context) for _ in range(2)]
+        assert given.filepath == str(Path(f"/a/{written}")) and changed == [True, False]
+        assert given.file_format == Path(written).suffix
     state().bundle = gone = str(OUT.parent / "nowhere" / "room.r2s")
     told = []
     given = SimpleNamespace(filepath="", file_format=".ply", report=lambda kind, text: told.append(text))

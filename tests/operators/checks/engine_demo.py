@@ -5,7 +5,7 @@ import sys
 
 import bpy
 from left_jobs import followed_to_its_end, left_job, other_scene_shown, wait_until
-from support import BUNDLE, ENGINE, MODULE, OUT, calls, conduct, open_bundle, preferences, state
+from support import BUNDLE, MODULE, OUT, calls, conduct, open_bundle, startup_file, state
 
 
 def check_the_demo_scene_is_one_command_and_is_shown():
@@ -21,13 +21,6 @@ def check_the_demo_scene_is_one_command_and_is_shown():
     assert state().bundle == bundle
     assert "Asset, final" in bpy.data.objects
     assert len([item for item in bpy.data.objects if item.type == "CAMERA"]) == 3
-
-
-def startup_file():
-    """Blender as it starts: with its cube, and the add-on."""
-    bpy.ops.wm.read_homefile(use_empty=False, use_factory_startup=True)
-    bpy.ops.preferences.addon_enable(module=MODULE)
-    preferences().engine_python = str(ENGINE)
 
 
 def check_the_demo_scene_is_opened_while_it_is_refined():
@@ -99,10 +92,10 @@ def check_a_demo_scene_is_opened_in_the_blender_scene_it_was_started_from():
 def check_a_view_looks_into_a_room_where_its_captures_look():
     import numpy as np
 
-    room_view = sys.modules[f"{MODULE}.operators.engine.room_view"]
-    # Cameras look along -z: these along +y, and halfway between +x and +y.
-    assert abs(room_view.heading_rad(np.array([[0.0, -1.0, 0.2], [0.0, -1.0, -0.2]]))) < 1e-9
-    assert abs(room_view.heading_rad(np.array([[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])) + np.pi / 4.0) < 1e-9
+    room_view = sys.modules[f"{MODULE}.operators.room_view"]
+    # Along +y, and halfway between +x and +y.
+    assert abs(room_view.heading_rad(np.array([[0.0, 1.0, 0.2], [0.0, 1.0, -0.2]]))) < 1e-9
+    assert abs(room_view.heading_rad(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])) + np.pi / 4.0) < 1e-9
     open_bundle()
     bpy.ops.r2sego.import_captures()
     bpy.context.view_layer.update()
@@ -114,7 +107,8 @@ def check_a_view_looks_into_a_room_where_its_captures_look():
     for camera in cameras:
         camera.location = (1.0, 2.5, 1.0)
     bpy.context.view_layer.update()
-    room_view.look_into(view, points, cameras)
+    cv_from_gl = np.diag([1.0, -1.0, -1.0, 1.0])
+    room_view.look_into(view, points, np.array([np.array(one.matrix_world) @ cv_from_gl for one in cameras]))
     towards = -(view.view_rotation.to_matrix().col[2])
     looks = np.mean([-np.array(camera.matrix_world.col[2][:3]) for camera in cameras], axis=0)
     assert towards.z < -0.5 and np.dot(towards[:2], looks[:2]) > 0.0
@@ -123,7 +117,7 @@ def check_a_view_looks_into_a_room_where_its_captures_look():
 
 
 def check_a_startup_cube_that_was_touched_stays():
-    room_view = sys.modules[f"{MODULE}.operators.engine.room_view"]
+    room_view = sys.modules[f"{MODULE}.operators.room_view"]
     bpy.ops.wm.read_homefile(use_empty=True)
     bpy.ops.mesh.primitive_cube_add(size=2.0, location=(0.0, 1.0, 0.0))
     cube = bpy.context.object

@@ -4,11 +4,26 @@ import importlib
 import json
 import os
 import re
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
 import bpy
-from support import BUNDLE, MODULE, OUT, calls, conduct, copied_bundle, open_bundle, preferences, refused, state
+import numpy as np
+from support import (
+    BUNDLE,
+    MODULE,
+    OUT,
+    bundle_of_one_name,
+    calls,
+    conduct,
+    copied_bundle,
+    open_bundle,
+    preferences,
+    refused,
+    startup_file,
+    state,
+)
 
 OPERATORS = {
     "new_scene",
@@ -53,6 +68,86 @@ def check_a_folder_that_is_no_bundle_is_reported_and_changes_nothing():
         "with New Scene."
     )
     assert Path(state().bundle) == BUNDLE
+
+
+def check_opening_shows_the_room_with_its_newest_splats():
+    """In the 3D views of the windows that show the Blender scene, once, and with no person there."""
+    startup_file()
+    away = [view_of(area) for area in views()]
+    assert away and bpy.ops.r2sego.open_scene(directory=str(BUNDLE)) == {"FINISHED"}
+    shown, scene = bpy.context.scene.r2sego_asset.shown, bpy.context.scene
+    assert shown.name == "Asset, final" and shown.visible_get() and len(shown.data.vertices)
+    assert not scene.r2sego_captures.show_cloud  # it would lie over them
+    assert not bpy.data.objects["Cube"].visible_get()
+    points = np.array(
+        [
+            vertex.co
+            for vertex in bpy.data.objects["Asset, final"]
+            .evaluated_get(bpy.context.evaluated_depsgraph_get())
+            .to_mesh()
+            .vertices
+        ]
+    )
+    for area, before in zip(views(), away, strict=True):
+        assert view_of(area) != before
+        region = area.spaces.active.region_3d
+        centre = np.array(region.view_location)
+        assert np.linalg.norm(points.mean(axis=0) - centre) < region.view_distance
+    framed = [view_of(area) for area in views()]
+    views()[0].spaces.active.region_3d.view_distance *= 2.0
+    moved = [view_of(area) for area in views()]
+    assert moved != framed and bpy.ops.r2sego.open_scene(directory=str(BUNDLE)) == {"FINISHED"}
+    assert [view_of(area) for area in views()] == moved  # it was open: the person's view stays
+
+
+def check_opening_without_showing_leaves_views_and_objects():
+    startup_file()
+    away, objects = [view_of(area) for area in views()], len(bpy.data.objects)
+    assert bpy.ops.r2sego.open_scene(directory=str(BUNDLE), show=False) == {"FINISHED"}
+    assert [view_of(area) for area in views()] == away and len(bpy.data.objects) == objects
+    assert bpy.data.objects["Cube"].visible_get() and bpy.context.scene.r2sego_captures.show_cloud
+
+
+def check_a_bundle_that_only_moved_shows_what_it_showed():
+    copy = bundle_of_one_name()
+    startup_file()
+    bpy.ops.r2sego.open_scene(directory=str(copy))
+    bpy.ops.r2sego.show_asset(stage="initial")
+    moved = copy.rename(copy.with_name("moved_and_shown.r2s"))
+    assert bpy.ops.r2sego.open_scene(directory=str(moved)) == {"FINISHED"}
+    assert bpy.context.scene.r2sego_asset.shown.name == "Asset, initial"
+    shutil.rmtree(moved)
+
+
+def check_a_bundle_without_splats_shows_its_points():
+    copy = bundle_of_one_name()
+    for asset in copy.rglob("*.ply"):
+        asset.unlink()
+    startup_file()
+    away = [view_of(area) for area in views()]
+    assert bpy.ops.r2sego.open_scene(directory=str(copy)) == {"FINISHED"}
+    assert [view_of(area) for area in views()] != away
+    assert bpy.context.scene.r2sego_asset.shown is None and bpy.context.scene.r2sego_captures.show_cloud
+    assert not bpy.data.objects["Cube"].visible_get()
+
+
+def check_a_bundle_whose_splats_are_damaged_is_opened_all_the_same():
+    copy = bundle_of_one_name()
+    (copy / "asset.ply").write_bytes((copy / "asset.ply").read_bytes()[:-1])
+    startup_file()
+    assert bpy.ops.r2sego.open_scene(directory=str(copy)) == {"FINISHED"}
+    assert Path(state().bundle) == copy and bpy.context.scene.r2sego_asset.shown is None
+
+
+def views():
+    """The 3D views on the screen."""
+    return [area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D"]
+
+
+def view_of(area):
+    """Where a 3D view looks."""
+    region = area.spaces.active.region_3d
+    return tuple(region.view_location), tuple(region.view_rotation), region.view_distance
 
 
 def check_a_bundle_is_opened_from_what_lies_in_it_too():

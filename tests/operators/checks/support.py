@@ -17,9 +17,9 @@ def state():
 
 
 def open_bundle(path=BUNDLE):
-    """Start from an empty file with the bundle open."""
+    """Start from an empty file with the bundle open, and nothing of it shown."""
     bpy.ops.wm.read_homefile(use_empty=True)
-    assert bpy.ops.r2sego.open_scene(directory=str(path)) == {"FINISHED"}
+    assert bpy.ops.r2sego.open_scene(directory=str(path), show=False) == {"FINISHED"}
 
 
 def copied_bundle():
@@ -37,9 +37,16 @@ def bundle_of_one_name():
     return copy
 
 
+def startup_file():
+    """Blender as it starts: with its cube, and the add-on."""
+    bpy.ops.wm.read_homefile(use_empty=False, use_factory_startup=True)
+    bpy.ops.preferences.addon_enable(module=MODULE)
+    preferences().engine_python = str(ENGINE)
+
+
 def open_here(path):
-    """Open a bundle in the Blender scene in which another one is open."""
-    assert bpy.ops.r2sego.open_scene(directory=str(path)) == {"FINISHED"}
+    """Open a bundle in the Blender scene in which another one is open, and show nothing of it."""
+    assert bpy.ops.r2sego.open_scene(directory=str(path), show=False) == {"FINISHED"}
 
 
 def conduct(text):

@@ -9,7 +9,7 @@ import bmesh
 import bpy
 from support import BUNDLE, MODULE, copied_bundle, open_bundle, refused, state
 
-OPERATORS = {"show_candidates", "pick_candidate", "look_through_candidate"}
+OPERATORS = {"show_candidates", "pick_candidate", "look_through_candidate", "look_through_photograph"}
 TARGETS = [17, 4, 31]
 
 
@@ -192,6 +192,30 @@ def check_look_through_candidate():
         assert abs(camera.data.lens - 40.0 * 36.0 / 64.0) < 1e-4
     render = bpy.context.scene.render
     assert (render.resolution_x, render.resolution_y) == (64, 48)
+
+
+def check_photographs_to_take_are_shown_as_cameras():
+    copy = copied_bundle()
+    assert "no such photograph" in refused(bpy.ops.r2sego.look_through_photograph)
+    assert "Photographs to take" not in bpy.data.collections
+    file = copy / "rounds" / "1" / "selection" / "selection.json"
+    words = json.loads(file.read_text())
+    capture = json.loads((copy / "captures" / "cameras.json").read_text())["captures"][0]
+    camera = {key: value for key, value in capture.items() if key not in ("name", "file")}
+    words["photographs"] = [{"camera": camera, "share": share} for share in (0.4, 0.2)]
+    file.write_text(json.dumps(words))
+    (file.with_name("selection.npz")).touch()  # as a new selection is
+    bpy.ops.r2sego.refresh_scene()
+    assert bpy.ops.r2sego.show_candidates() == {"FINISHED"}
+    assert len(bpy.data.collections["Photographs to take"].objects) == 4
+    assert bpy.ops.r2sego.look_through_photograph(photograph=1) == {"FINISHED"}
+    shown = bpy.context.scene.camera
+    assert shown["photograph"] == 1 and abs(shown["share"] - 0.2) < 1e-9
+    assert (bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y) == (
+        camera["width"],
+        camera["height"],
+    )
+    assert "no such photograph" in refused(bpy.ops.r2sego.look_through_photograph, photograph=2)
 
 
 def check_a_new_selection_is_read_and_a_missing_one_greys_the_buttons():

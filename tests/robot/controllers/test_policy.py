@@ -19,6 +19,7 @@ from r2sego_blender.robot.controllers.policy import PolicyDrive
 from r2sego_blender.robot.controllers.policy_layout import PolicyLayout
 from r2sego_blender.robot.controllers.policy_observation import Command, Observer
 from r2sego_blender.robot.controllers.policy_runtime import PolicyFile
+from r2sego_blender.robot.model.collision_shapes import lowest_m
 from r2sego_blender.robot.model.model import RobotModel
 from r2sego_blender.robot.planning.free_floor import free_floor
 from r2sego_blender.robot.rollouts.attempts import Attempts
@@ -394,3 +395,25 @@ def test_a_drive_is_what_the_protocol_asks_for(humanoid, box_room, tmp_path, kne
     low, high = SCOPE.look.camera_pitch_deg
     assert low <= drive.mount.pitch_down_deg <= high
     assert drive.duration_s == SCOPE.episode.duration_s
+
+
+def test_a_policy_s_start_has_point_feet_on_the_floor(quadruped, box_room, tmp_path):
+    """A standing posture that is held stands, from the first frame on: the soles, not the knees, are at the floor."""
+    model, rest = quadruped.model, quadruped.rest_qpos
+    legs = [model.joint(joint) for leg in quadruped.legs for joint in leg.joints]
+    rows = ", ".join(f'["{joint.name}", {rest[joint.qposadr[0]]}, 150.0, 4.0]' for joint in legs)
+    commands = KNEES[KNEES.index("[commands]") :]
+    text = f'rate_hz = 50.0\nstep_s = 0.004\njoints = [{rows}]\nobservation = [{{ term = "projected_gravity" }}]\n'
+    (tmp_path / "stands.toml").write_text(f"{text}[action]\nscale = 0.25\n{commands}")
+    policy = onnx_policy(tmp_path / "zeros.onnx", np.zeros((3, 12)), np.zeros(12))
+    made = controller(quadruped, box_room(), policy, tmp_path / "stands.toml")
+    data, own = mujoco.MjData(made.composition.model), made.composition.model
+    data.qpos[:] = made.draw(np.random.default_rng(0)).qpos
+    mujoco.mj_kinematics(own, data)
+    feet = [np.flatnonzero(np.isin(own.geom_bodyid, leg.foot_bodies)) for leg in made.composition.legs]
+    assert not any(leg.is_flat for leg in quadruped.legs)
+    assert [lowest_m(own, data, geoms) for geoms in feet] == pytest.approx([0.0] * 4, abs=1e-3)
+    still = replace(SCOPE.look_around, turn_deg=(0.0, 0.0))
+    scope = replace(only(SCOPE, look_around=1.0), look_around=still, episode=Episode(duration_s=1.0))
+    tried = rollouts(quadruped, box_room(), policy, str(tmp_path / "stands.toml"), scope, 2)
+    assert [rollout.reason for rollout in tried] == ["", ""]

@@ -298,6 +298,36 @@ def test_robot_without_the_needed_parts(tmp_path, body, says):
         RobotModel.load(write(tmp_path, f"<mujoco><worldbody>{body}</worldbody></mujoco>"))
 
 
+ENDLESS = '<joint name="{side}" axis="{axis}"{limits}/><geom {shape} mass="1"/>'
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"shape": 'type="box" size=".1 .03 .1"'}, "not round about"),
+        ({"axis": "1 0 0"}, "axis does not lie across"),
+        ({"z": ".2"}, "above the lowest shape"),
+        ({"limits": ' range="-90 90"'}, "range is limited"),
+        ({"shape": 'size=".1" contype="0" conaffinity="0"'}, "no collision shape"),
+        ({}, ""),
+    ],
+)
+def test_what_keeps_a_wheel_from_being_one_is_told(tmp_path, changes, says):
+    """Wheels whose hulls are boxes, above all: as many exported meshes are simplified."""
+    given = {"shape": 'type="cylinder" size=".1 .03" euler="90 0 0"', "axis": "0 1 0", "z": "0", "limits": ""} | changes
+    wheels = "".join(
+        f'<body pos="0 {y} {given["z"]}">{ENDLESS.format(side=f"{side}_wheel", **given)}</body>'
+        for side, y in (("left", 0.2), ("right", -0.2))
+    )
+    text = f"""<mujoco><worldbody><body name="base"><freejoint/><geom size=".1" mass="5"/>
+        <camera name="eye" pos="0 0 .5"/>{wheels}</body></worldbody></mujoco>"""
+    if not says:
+        assert len(RobotModel.load(write(tmp_path, text)).wheels) == 2
+        return
+    with pytest.raises(RobotError, match=f"0 driven wheels; 'left_wheel' is no wheel: .*{says}.*'right_wheel'"):
+        RobotModel.load(write(tmp_path, text))
+
+
 @pytest.mark.parametrize("limits", ['limited="false"', 'limited="true" range="0 0.6"'])
 def test_a_ball_joint_is_refused(tmp_path, limits):
     """Its four coordinates are no angles, and a servo that took one for an angle would tumble it."""

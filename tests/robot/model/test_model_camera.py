@@ -89,6 +89,21 @@ def test_a_robot_s_eye_has_perspective(tmp_path):
         robot_with_camera(tmp_path, 'fovy="2" projection="orthographic"')
 
 
+@pytest.mark.parametrize("mode", ["track", "trackcom", "targetbody", "targetbodycom"])
+def test_a_camera_that_watches_the_robot_is_no_eye(tmp_path, mode):
+    target = ' target="left_ankle_roll_link"' if mode.startswith("target") else ""
+    watching = f'<camera name="watching" mode="{mode}"{target} pos="-2 0 1"/><freejoint'
+    both = humanoid_mjcf().replace("<freejoint", watching, 1)
+    path = tmp_path / "robot.xml"
+    path.write_text(both)
+    assert RobotModel.load(path).mount.parent == RobotModel.load().mount.parent
+    with pytest.raises(RobotError, match=r"'watching' watches the robot and is no eye. It has: head_camera"):
+        RobotModel.load(path, "watching")
+    path.write_text(re.sub(r'<camera name="head_camera"[^>]*/>', "", both))
+    with pytest.raises(RobotError, match="does not say which camera is its eye"):
+        RobotModel.load(path)
+
+
 @pytest.mark.parametrize("height_m", [None, np.nan])
 def test_a_camera_that_stands_nowhere_sees_no_black_room(simulation, height_m):
     """Bodies that were not placed yet have a rotation of zeros; of an unstable simulation they have NaN."""

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from r2sego_blender.core.errors import RobotError
 from r2sego_blender.robot.model.model import RobotModel
-from r2sego_blender.robot.model.robot_file import gather_robot, robot_digest, robot_spec
+from r2sego_blender.robot.model.robot_file import compiled_robot, gather_robot, robot_digest, robot_spec
 from r2sego_blender.robot.model.safe_xml import parse_xml
 
 _BODY = '<body><freejoint/><geom type="mesh" mesh="part" name="shape"/></body>'
@@ -270,6 +270,80 @@ def test_urdf_of_a_package(folder, mesh, before):
     write(folder.parent, urdf("../../secret/part.stl"), "robot/urdf/other.urdf")
     with pytest.raises(RobotError, match="leaves the robot's folder"):
         robot_spec(str(folder / "urdf" / "other.urdf"))
+
+
+@pytest.mark.parametrize("inner", ["", "robots/one/"])
+def test_a_package_is_the_folder_with_its_package_xml(folder, inner):
+    """Whatever is between it and the robot's file; a package of another name is not looked into."""
+    (folder / "package.xml").write_text("<package><!-- <name>old</name> --><name> many_robots </name></package>")
+    for name in ("robots", "robots/one", "robots/one/urdf", "robots/one/meshes", "meshes"):
+        (folder / name).mkdir(exist_ok=True)
+    shutil.copy(folder / "part.stl", folder / inner / "meshes" / "own.stl")
+    mesh = f"package://many_robots/{inner}meshes/own.stl"
+    path = write(folder, urdf(mesh), "robots/one/urdf/robot.urdf")
+    assert robot_spec(str(path)).compile().nmesh == 1
+    assert {file.name for file in opened_by(path)} == {"robot.urdf", "own.stl", "package.xml"}
+    (folder / "package.xml").write_text("<package><name>another</name></package>")
+    named = mesh.replace("many_robots", folder.name)  # as an installed package may be called by its folder alone
+    assert robot_spec(str(write(folder, urdf(named), "robots/one/urdf/robot.urdf"))).compile().nmesh == 1
+    (folder / "package.xml").write_text("<package><name>many_robots</name></package>")
+    write(folder, urdf(mesh.replace("many", "other")), "robots/one/urdf/robot.urdf")
+    with pytest.raises(RobotError, match=r"there is no file '.*own\.stl'") as error:
+        robot_spec(str(path))
+    assert str(folder) in error.value.cure
+    write(folder, urdf("package://many_robots/../secret/part.stl"), "robots/one/urdf/robot.urdf")
+    with pytest.raises(RobotError, match="leaves the robot's folder"):
+        robot_spec(str(path))
+
+
+def test_names_around_a_robot_are_no_packages(folder):
+    """A folder above without a package.xml lends its name to nobody."""
+    path = write(folder, urdf(f"package://{folder.parent.name}/secret/part.stl"), "robot.urdf")
+    with pytest.raises(RobotError, match="there is no file"):
+        robot_spec(str(path))
+    assert opened_by(path) == [path]
+
+
+@pytest.mark.parametrize("before", ["", '<compiler meshdir="../meshes"/>'])
+def test_a_name_of_an_included_file_begins_there_too(folder, before):
+    (folder / "meshes").mkdir()
+    (folder / "part.stl").rename(folder / "meshes" / "part.stl")
+    name = "part.stl" if before else "../meshes/part.stl"
+    write(folder, mjcf(f'<mesh name="part" file="{name}"/>', before=before), "xml_parts/body.xml")
+    path = write(folder, include("xml_parts/body.xml"))
+    assert robot_spec(str(path)).compile().nmesh == 1
+    write(folder, mjcf('<mesh name="part" file="../../secret/part.stl"/>'), "xml_parts/body.xml")
+    with pytest.raises(RobotError, match=r"body\.xml, line 1, <mesh file>: .* leaves the robot's folder"):
+        robot_spec(str(path))
+    assert [file for file in opened_by(path) if not file.is_relative_to(folder)] == []
+
+
+FRAMES = {
+    "no body has this": '<mass value="0.4"/><inertia ixx="0.002" iyy="0.002" izz="0.0045" ixy="0" ixz="0" iyz="0"/>',
+    "next to nothing": '<mass value="4e-15"/><inertia ixx="2e-27" iyy="2e-27" izz="2e-27" ixy="0" ixz="0" iyz="0"/>',
+}
+
+
+@pytest.mark.parametrize("kind", FRAMES)
+@pytest.mark.parametrize("joint", ["fixed", "continuous"])
+def test_inertias_that_no_body_has_are_balanced_and_bounded(folder, kind, joint):
+    frame = f"""<link name="frame"><inertial>{FRAMES[kind]}</inertial></link><joint name="to_frame" type="{joint}">
+        <parent link="base"/><child link="frame"/><axis xyz="0 0 1"/></joint></robot>"""
+    path = write(folder, urdf("part.stl").replace("</robot>", frame), "robot.urdf")
+    model, bounded = compiled_robot(str(path))
+    assert bounded == ("frame",)
+    low, middle, high = np.sort(model.body("frame").inertia)
+    assert low + middle >= high and low >= 1e-5 and model.body("frame").mass[0] >= 1e-3
+    np.testing.assert_array_equal(model.body("base").inertia, np.ones(3))
+    with pytest.raises(ValueError, match="inertia"):
+        robot_spec(str(path)).compile()
+
+
+def test_an_mjcf_s_owner_is_told_how_to_bound_its_inertias(folder):
+    inertial = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 3"/>'
+    path = write(folder, mjcf("", f'<body><freejoint/>{inertial}<geom size="1"/></body>'))
+    with pytest.raises(RobotError, match=r'<compiler balanceinertia="true" boundmass="0\.001" boundinertia='):
+        compiled_robot(str(path))
 
 
 def test_urdf_pictures_and_gazebo_are_left_out(folder):

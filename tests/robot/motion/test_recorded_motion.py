@@ -16,6 +16,7 @@ from r2sego_blender.core.errors import RobotError
 from r2sego_blender.robot.behaviours.trajectory import RATE_HZ
 from r2sego_blender.robot.model.kinematics import LegSolver
 from r2sego_blender.robot.model.model import RobotModel
+from r2sego_blender.robot.model.structure import posed
 from r2sego_blender.robot.motion.foot_locking import foot_places, plant_feet, planted, spans, stances
 from r2sego_blender.robot.motion.recorded_motion import (
     HUMAN_BODIES,
@@ -356,3 +357,27 @@ def test_foot_places_are_forward_kinematics(humanoid):
     places, heights = foot_places(humanoid, level)
     soles = [leg.sole_m for leg in humanoid.legs]
     np.testing.assert_allclose(places[:, 0, 2] - heights[:, 0], soles, atol=1e-6)
+
+
+def test_point_feet_are_planted_by_their_tips(quadruped):
+    """The body of a point foot begins at its knee, which moves while the foot stands."""
+    still = np.tile(quadruped.rest_qpos, (40, 1))
+    soles = foot_places(quadruped, still)[0]
+    still[:, 2] -= 0.03 * np.sin(np.linspace(0.0, math.pi, 40))  # it crouches on feet that stand
+    LegSolver(quadruped).solve(still, soles)
+    places, heights = foot_places(quadruped, still)
+    np.testing.assert_allclose(places[..., :3], soles[..., :3], atol=1e-4)
+    assert np.abs(heights).max() < 5e-3
+    skating = still.copy()
+    skating[:, 0] += 0.02 * np.sin(np.linspace(0.0, 3.0, 40))
+    found = plant_feet(quadruped, skating)
+    places, heights = foot_places(quadruped, found)
+    assert np.ptp(places[..., :2], axis=1).max() < 2e-3
+    assert np.abs(heights).max() < 2e-3
+
+
+def test_the_origin_of_a_foot_stands_its_height_above_the_sole(humanoid, quadruped):
+    for robot in (humanoid, quadruped):
+        data = posed(robot.model, robot.rest_qpos)
+        for leg in robot.legs:
+            assert data.xpos[leg.foot, 2] - leg.origin_m == pytest.approx(0.0, abs=1e-3)

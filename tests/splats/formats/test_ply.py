@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from progress_recorder import ProgressRecorder
 from splat_reference import random_asset, small_camera
 
 from r2sego_blender.core.errors import AssetError
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.formats.ply import load_ply, save_ply
+from r2sego_blender.splats.formats.registry import load_asset
 from r2sego_blender.splats.rendering.rasterizer import render
 
 GROUPS = ("means", "log_scales", "quaternions", "logit_opacities", "sh")
@@ -70,6 +72,44 @@ def test_a_2dgs_file_gets_thin_discs(tmp_path: Path) -> None:
     values = np.random.default_rng(0).normal(size=(6, 13)).astype(np.float32)
     asset = load_ply(written(tmp_path / "a.ply", FIELDS, values))
     assert (np.exp(asset.log_scales[:, 2]) < 0.0011 * np.exp(asset.log_scales[:, :2].min(axis=1))).all()
+
+
+def test_mip_splattings_filter_widens_and_thins_as_a_convolution_does(tmp_path: Path) -> None:
+    """With it the file is as one into which the filter was fused: covariance S + f^2 I, mass kept."""
+    rng = np.random.default_rng(0)
+    values = rng.normal(size=(200, 15)).astype(np.float32)
+    values[:, 14] = np.where(rng.random(200) < 0.2, 0.0, rng.uniform(0.001, 5.0, 200))
+    values[:20, 11] = -np.inf  # flat
+    asset = load_ply(written(tmp_path / "mip.ply", [*FIELDS, "scale_2", "filter_3D"], values))
+    without = load_ply(written(tmp_path / "a.ply", [*FIELDS, "scale_2"], values[:, :14]))
+    same = values[:, 14] == 0.0
+    assert_same(asset.subset(same), without.subset(same))
+    variances = np.exp(2.0 * without.log_scales.astype(np.float64))
+    wider = variances + values[:, 14:].astype(np.float64) ** 2
+    np.testing.assert_allclose(np.exp(2.0 * asset.log_scales.astype(np.float64)), wider, rtol=1e-5)
+    mass = [a.opacities * np.exp(a.log_scales.astype(np.float64).sum(axis=1)) for a in (asset, without)]
+    np.testing.assert_allclose(*mass, rtol=1e-4)
+    for part in ("means", "quaternions", "sh"):
+        np.testing.assert_array_equal(getattr(asset, part), getattr(without, part))
+
+
+def test_an_opacity_of_1_stays_one_of_a_filtered_gaussian(tmp_path: Path) -> None:
+    values = np.zeros((3, 15), np.float32)
+    values[:, 3] = 1.0
+    values[:, 4] = np.inf, 900.0, -np.inf
+    values[:, 14] = 0.5, 1e-30, 0.5
+    asset = load_ply(written(tmp_path / "mip.ply", [*FIELDS, "scale_2", "filter_3D"], values))
+    np.testing.assert_allclose(asset.opacities, [1.25**-1.5, 1.0], rtol=1e-5)
+
+
+def test_properties_that_no_asset_keeps_are_named(tmp_path: Path) -> None:
+    recorder = ProgressRecorder()
+    known = [*FIELDS, "scale_2", "filter_3D", "nx", "red"]
+    load_asset(written(tmp_path / "a.ply", known, np.ones((3, len(known)))), recorder)
+    assert recorder.messages == []
+    load_asset(written(tmp_path / "a.ply", [*known, "blur_radius"], np.ones((3, len(known) + 1))), recorder)
+    [warning] = recorder.warnings
+    assert warning.endswith("blur_radius") and "a.ply" in warning
 
 
 def test_gaussians_that_are_not_finite_are_dropped(tmp_path: Path) -> None:

@@ -73,6 +73,20 @@ def test_every_version_is_read(asset, fidelity_db, tmp_path, version):
     assert fidelity_db(loaded, asset) >= (27.0 if version < 3 else 35.0)  # eight bits a rotation's part
 
 
+@pytest.mark.parametrize("version", [1, 2, 3])
+@pytest.mark.parametrize("extensions", [False, True])
+def test_a_file_without_its_gzip_is_the_same(asset, tmp_path, version, extensions):
+    turned = written(asset.transformed(RUB_FROM_WORLD), version, extensions=coordinate_system(0) * extensions)
+    (tmp_path / "a.spz").write_bytes(turned)
+    (tmp_path / "raw.spz").write_bytes(gzip.decompress(turned))
+    packed, raw = load_asset(tmp_path / "a.spz"), load_asset(tmp_path / "raw.spz")
+    for part in ("means", "log_scales", "quaternions", "logit_opacities", "sh"):
+        np.testing.assert_array_equal(getattr(raw, part), getattr(packed, part))
+    (tmp_path / "raw.spz").write_bytes(gzip.decompress(written(asset, version))[:-1])
+    with pytest.raises(AssetError, match="cut short"):
+        load_asset(tmp_path / "raw.spz")
+
+
 def test_the_written_file_is_version_3_in_the_axes_of_spz(asset, tmp_path):
     path = tmp_path / "a.spz"
     save_asset(path, asset)

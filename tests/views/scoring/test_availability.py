@@ -7,6 +7,7 @@ from room_meshes import observed_proxy
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import GeometryError
 from r2sego_blender.generation.conditions.conditions import ZBufferRenderer
+from r2sego_blender.geometry.visibility.face_sight import face_sight
 from r2sego_blender.views.scoring.availability import SAMPLES, ValidityRenderer
 
 LENS = Camera(94, 67, 70.0, 72.0, 46.0, 35.5, np.eye(4))
@@ -79,6 +80,37 @@ def test_faces_that_no_capture_saw_are_not_available():
     proxy, cameras = wavy_surface(rng), cameras_inside(rng, 4)
     unseen = observed_proxy(proxy.vertices, proxy.faces, np.zeros(len(proxy.faces)))
     assert not ValidityRenderer(unseen).available_shares(cameras, 0.01).any()
+
+
+def floor_and_sight(eye):
+    """A level square around the origin, seen well where a camera at ``eye`` sees it well."""
+    x, y = np.meshgrid(np.linspace(-1, 1, 41), np.linspace(-1, 1, 41), indexing="ij")
+    number = np.arange(x.size).reshape(x.shape)
+    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
+    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).reshape(-1, 3)
+    proxy = observed_proxy(np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], -1), faces)
+    depth_of = ZBufferRenderer(proxy).depth
+    return proxy, face_sight(proxy.vertices, proxy.faces, [LENS.at(look_at(eye, (0.001, 0, 0)))], depth_of)
+
+
+@pytest.mark.parametrize(("share", "available"), [(0.3, True), (0.9, True), (1.2, False), (3.0, False)])
+def test_a_surface_is_available_up_to_four_pixels_for_one_of_a_photograph(share, available):
+    photographed_m = 4.0
+    proxy, sight = floor_and_sight((0.0, 0.0, photographed_m))
+    view = LENS.at(look_at((0.0, 0.0, photographed_m / (4.0 * share)), (0.001, 0, 0)))
+    for scale in (1.0, 0.5):
+        (found,) = ValidityRenderer(proxy, sight).available_shares([view.scaled(scale)], 0.8, scale)
+        (supported,) = ValidityRenderer(proxy).available_shares([view.scaled(scale)], 0.8, scale)
+        # Faces on the rim are narrower than the capture's pixels.
+        assert found == pytest.approx(supported if available else 0.0, rel=0.1)
+
+
+def test_a_surface_that_captures_saw_flatly_is_not_available():
+    view = LENS.at(look_at((0.0, 0.0, 2.0), (0.001, 0, 0)))
+    for rise_deg, some in ((30.0, True), (10.0, False)):
+        rise = np.radians(rise_deg)
+        proxy, sight = floor_and_sight((4.0 * np.cos(rise), 0.0, 4.0 * np.sin(rise)))
+        assert (ValidityRenderer(proxy, sight).available_shares([view], 0.8)[0] > 0.3) == some
 
 
 def test_the_bits_do_not_depend_on_the_threads_nor_on_the_company(with_threads):

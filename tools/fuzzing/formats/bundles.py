@@ -24,6 +24,7 @@ BUNDLE = "a.r2s"
 
 def build(folder: Path) -> None:
     """The bundle that the tests write, with what they leave out."""
+    from r2sego_blender.captures.sensors.sensor_maps import SensorMap
     from r2sego_blender.geometry.room.completed_depth import CompletedDepth
     from r2sego_blender.geometry.room.planes import RoomPlanes
     from r2sego_blender.geometry.stereo.stereo import DepthMap
@@ -37,7 +38,10 @@ def build(folder: Path) -> None:
     up = np.broadcast_to(np.array([0.0, 0.0, 1.0], np.float32), (*lens.shape, 3))
     for name in ("depth", "completed"):
         (path / "geometry" / name).mkdir()
-    DepthMap(depth, up, depth * 0, (depth > 0).astype(np.uint8), lens).save(path / "geometry/depth/a.png.npz")
+    known = depth > 0
+    DepthMap(depth, up, depth * 0, known.astype(np.uint8), lens, known).save(path / "geometry/depth/a.png.npz")
+    (path / layout.SENSOR_DEPTH).mkdir()
+    SensorMap(depth, 0.01 * depth, lens).save(path / layout.SENSOR_DEPTH / "a.png.npz")
     CompletedDepth(depth, (depth > 0).astype(np.uint8), lens).save(path / "geometry/completed/a.png.npz")
     normals = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
     RoomPlanes(normals, np.array([0.0, -1.5]), np.array([50, 40]), np.array([True, True])).save(path / layout.PLANES)
@@ -122,6 +126,13 @@ def _depth(folder: Path) -> Any:
     from r2sego_blender.geometry.stereo.stereo import DEPTH
 
     held = Scene.open(folder / BUNDLE).read(DEPTH)
+    return held.load(held.folder / "a.png.npz")
+
+
+def _sensor_depth(folder: Path) -> Any:
+    from r2sego_blender.captures.sensors.sensor_maps import SENSOR_DEPTH
+
+    held = Scene.open(folder / BUNDLE).read(SENSOR_DEPTH)
     return held.load(held.folder / "a.png.npz")
 
 
@@ -225,6 +236,7 @@ HARNESSES = (
     _of("npz", "geometry/observed.npz", layout.OBSERVED, _artifact(_observed)),
     _of("npz", "geometry/planes.npz", layout.PLANES, _artifact(_planes)),
     _of("npz", "geometry/depth.npz", "geometry/depth/a.png.npz", _depth),
+    _of("npz", "captures/depth.npz", f"{layout.SENSOR_DEPTH}/a.png.npz", _sensor_depth),
     _of("npz", "geometry/completed.npz", "geometry/completed/a.png.npz", _completed),
     _of("npz", "geometry/prior.npz", "geometry/priors/crate.npz", _artifact(_priors)),
     _of("json", "geometry/priors.json", "geometry/priors/priors.json", _known_objects),

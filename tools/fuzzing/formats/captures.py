@@ -67,6 +67,19 @@ def _cameras(folder: Path) -> None:
         (folder / "poses" / name).write_bytes((folder / name).read_bytes())
 
 
+def _of_3dgs(folder: Path) -> None:
+    photographs(folder)
+    (folder / "poses").mkdir()
+    listed = []
+    for i, name in enumerate(NAMES):
+        (folder / "poses" / name).write_bytes((folder / name).read_bytes())
+        pose = camera(i).world_from_camera
+        places = {"position": pose[:3, 3].tolist(), "rotation": pose[:3, :3].tolist()}
+        listed.append({"id": i, "img_name": name, "width": 32, "height": 24, **places, "fy": 25.0, "fx": 25.0})
+    (folder / "poses/cameras.json").write_text(json.dumps(listed))
+    _points_ply(folder / "poses/input.ply")
+
+
 def _frozen(folder: Path) -> Any:
     from r2sego_blender.captures.frozen import load_frozen_views
 
@@ -83,6 +96,17 @@ def _polycam(folder: Path) -> None:
         rows = {f"t_{r}{c}": float(pose[r, c]) for r in range(3) for c in range(4)}
         lens = {"fx": 25.0, "fy": 25.0, "cx": 16.0, "cy": 12.0, "width": 32, "height": 24}
         (keyframes / "cameras" / f"{Path(name).stem}.json").write_text(json.dumps(rows | lens))
+
+
+def _record3d(folder: Path) -> None:
+    (folder / "poses/rgb").mkdir(parents=True)
+    photographs(folder / "poses/rgb")
+    for index, name in enumerate(NAMES):
+        (folder / "poses/rgb" / name).rename(folder / "poses/rgb" / f"{index}{Path(name).suffix}")
+    poses = [[0.1, 0.2 * i, 0.0, 0.97, 0.1 * i, 0.0, 1.5] for i in range(len(NAMES))]
+    lens = {"w": 32, "h": 24, "K": [25.0, 0, 0, 0, 25.0, 0, 16.0, 12.0, 1]}
+    own = {"perFrameIntrinsicCoeffs": [[25.0, 25.0, 16.0, 12.0]] * len(NAMES)}
+    (folder / "poses/metadata.json").write_text(json.dumps({**lens, **own, "poses": poses}))
 
 
 def _sparse() -> SparsePoints:
@@ -170,8 +194,10 @@ def _read_ply(folder: Path) -> Any:
 HARNESSES = (
     Harness("poses/transforms.json", _transforms, "poses/transforms.json", "json", _posed),
     Harness("poses/cameras.json", _cameras, "poses/cameras.json", "json", _posed),
+    Harness("poses/3dgs-cameras.json", _of_3dgs, "poses/cameras.json", "json", _posed),
     Harness("poses/frozen.json", _cameras, "poses/cameras.json", "json", _frozen),
     Harness("poses/polycam.json", _polycam, "poses/keyframes/cameras/b.json", "json", _posed),
+    Harness("poses/record3d.json", _record3d, "poses/metadata.json", "json", _posed),
     *_of_colmap(_colmap_text, ".txt", "text"),
     *_of_colmap(_colmap_binary, ".bin", "bytes"),
     Harness("poses/points.ply", _ply, "points.ply", "text", _read_ply),

@@ -169,6 +169,28 @@ def _human_motion(folder: Path) -> None:
     )
 
 
+def _bodies_npz(folder: Path) -> None:
+    """Joints without names and without a base, which the bodies beside them tell."""
+    from r2sego_blender.robot.model.model import RobotModel
+    from r2sego_blender.robot.model.structure import posed
+
+    robot = RobotModel.load()
+    data = posed(robot.model, robot.rest_qpos)
+    bodies = [np.repeat(values[None, 1:], _FRAMES, axis=0) for values in (data.xpos, data.xquat)]
+    joints = np.repeat(robot.rest_qpos[None, 7:], _FRAMES, axis=0)
+    names = [robot.model.body(body).name for body in range(1, robot.model.nbody)]
+    arrays = {"joint_pos": joints, "body_pos_w": bodies[0], "body_quat_w": bodies[1], "body_names": np.array(names)}
+    np.savez(folder / "m.npz", fps=np.array([30]), **arrays)
+
+
+def _played(folder: Path) -> Any:
+    from r2sego_blender.robot.model.model import RobotModel
+    from r2sego_blender.robot.motion.recorded_motion import RobotRecording, read_recording, robot_motion
+
+    recording = read_recording(folder / "m.npz")
+    return robot_motion(recording, RobotModel.load()) if isinstance(recording, RobotRecording) else recording
+
+
 def _motion(name: str) -> Callable[[Path], Any]:
     def read(folder: Path) -> Any:
         from r2sego_blender.robot.motion.recorded_motion import read_recording
@@ -191,6 +213,7 @@ HARNESSES = (
     Harness("policies/torchscript", _policy("p.pt"), "p.pt", "archive", _read_policy("p.pt"), share=0.04),
     Harness("motions/csv", _csv, "m.csv", "text", _motion("m.csv")),
     Harness("motions/npz", _npz, "m.npz", "npz", _motion("m.npz")),
+    Harness("motions/bodies.npz", _bodies_npz, "m.npz", "npz", _played, share=0.2),
     Harness("motions/human.npz", _human_npz, "m.npz", "npz", _motion("m.npz")),
     Harness("motions/human.motion", _human_motion, "m.motion", "archive", _motion("m.motion"), share=0.04),
 )

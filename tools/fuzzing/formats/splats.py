@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -40,6 +41,20 @@ def _as_ascii(folder: Path) -> None:
     (folder / "a.ply").write_bytes(head.replace(b"binary_little_endian", b"ascii") + b"end_header\n" + lines.encode())
 
 
+def _as_mip(folder: Path) -> None:
+    """The text with Mip-Splatting's filter."""
+    _as_ascii(folder)
+    head, _, body = (folder / "a.ply").read_bytes().partition(b"end_header\n")
+    lines = b"".join(line + b" 0.02\n" for line in body.splitlines())
+    (folder / "a.ply").write_bytes(head + b"property float filter_3D\nend_header\n" + lines)
+
+
+def _as_raw_spz(folder: Path) -> None:
+    """Version 3 without its gzip."""
+    save_asset(folder / "a.spz", _asset())
+    (folder / "a.spz").write_bytes(gzip.decompress((folder / "a.spz").read_bytes()))
+
+
 def _load(name: str) -> Callable[[Path], SplatAsset]:
     return lambda folder: load_asset(folder / name)
 
@@ -65,9 +80,11 @@ HARNESSES = (
     Harness("splats/cameras.json", _cameras, "cameras.json", "json", _read_cameras),
     Harness("splats/ply", _as("a.ply"), "a.ply", "header", _load("a.ply")),
     Harness("splats/ascii.ply", _as_ascii, "a.ply", "text", _load("a.ply")),
+    Harness("splats/mip.ply", _as_mip, "a.ply", "text", _load("a.ply")),
     Harness("splats/compressed.ply", _as("a.compressed.ply"), "a.compressed.ply", "header", _load("a.compressed.ply")),
     Harness("splats/splat", _as("a.splat"), "a.splat", "bytes", _load("a.splat")),
     Harness("splats/spz", _as("a.spz"), "a.spz", "bytes", _load("a.spz")),
+    Harness("splats/raw.spz", _as_raw_spz, "a.spz", "bytes", _load("a.spz")),
     Harness("splats/gltf", _as("a.gltf"), "a.gltf", "json", _load("a.gltf")),
     Harness("splats/glb", _as("a.glb"), "a.glb", "header", _load("a.glb")),
     Harness("splats/usda", _as("a.usda"), "a.usda", "text", _load("a.usda"), share=0.04),

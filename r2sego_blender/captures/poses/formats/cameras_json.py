@@ -8,12 +8,12 @@ from ....config.settings import CaptureSettings
 from ....core.progress import Progress
 from ..pose_format import Posed, PoseFormat, json_files
 
-_FILES, _KEY = ("cameras.json",), "captures"
+_FILES = ("cameras.json",)
 
 
 def find(place: Path) -> list[Path]:
     """The file, or the one in a folder."""
-    return json_files(place, _FILES, _KEY)
+    return json_files(place, _FILES, lambda data: isinstance(data, dict) and "captures" in data)
 
 
 def read(file: Path, folder: Path, settings: CaptureSettings, progress: Progress) -> Posed:
@@ -24,4 +24,4 @@ def read(file: Path, folder: Path, settings: CaptureSettings, progress: Progress
     return Posed(photographs, FORMAT.name, metric)
 
 
-FORMAT = PoseFormat("cameras.json", find, read, files=_FILES, key=_KEY, order=2)
+FORMAT = PoseFormat("cameras.json", find, read, files=_FILES, order=2)

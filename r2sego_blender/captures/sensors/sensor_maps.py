@@ -1,0 +1,60 @@
+"""What a depth sensor measured of each capture, as the bundle keeps it. NumPy alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ...bundle import layout
+from ...core.arrays import opened_arrays, require_between, require_shapes, save_arrays
+from ...core.cameras import Camera
+from ...core.errors import CaptureError
+from ..per_capture import each_capture
+
+_FARTHEST_M = 1e6
+
+
+@dataclass(frozen=True)
+class SensorMap:
+    """Depth as the capture's camera sees it, at about the sensor's own resolution, in the world's metres.
+
+    ``depth`` (H, W) float32 planar, 0 = unknown; ``sigma`` (H, W) float32, its standard deviation in
+    metres where depth is known; ``camera`` is the capture's at this size, without distortion.
+    """
+
+    depth: np.ndarray
+    sigma: np.ndarray
+    camera: Camera
+
+    def transformed(self, similarity: np.ndarray) -> SensorMap:
+        """This map after a (4, 4) similarity of the world."""
+        scale = np.float32(np.cbrt(np.linalg.det(similarity[:3, :3])))
+        return replace(
+            self, depth=self.depth * scale, sigma=self.sigma * scale, camera=self.camera.transformed(similarity)
+        )
+
+    def save(self, path: Path) -> None:
+        """Write the maps and the camera as an uncompressed ``.npz``."""
+        camera = self.camera
+        lens = np.array([camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy])
+        save_arrays(path, depth=self.depth, sigma=self.sigma, lens=lens, world_from_camera=camera.world_from_camera)
+
+    @staticmethod
+    def load(path: Path) -> SensorMap:
+        """Read what ``save`` wrote. Raises CaptureError when the file is none of it."""
+        cure = "Make the scene anew with `r2sego new`."
+        with opened_arrays(path, CaptureError, "this is no sensor's depth", cure) as data:
+            width, height, fx, fy, cx, cy = data["lens"].tolist()
+            camera = Camera(int(width), int(height), fx, fy, cx, cy, data["world_from_camera"]).checked()
+            maps = {name: data[name] for name in ("depth", "sigma")}
+            require_shapes(maps, **dict.fromkeys(maps, f"{camera.height} {camera.width}"))
+            require_between(0.0, _FARTHEST_M, **maps)
+            if (maps["sigma"][maps["depth"] > 0.0] <= 0.0).any():
+                raise ValueError("a depth is said to be exact")
+            return SensorMap(**maps, camera=camera)
+
+
+SENSOR_DEPTH = each_capture(layout.SENSOR_DEPTH, SensorMap.load)
+"""The depth that a sensor measured, of those captures that have it."""
