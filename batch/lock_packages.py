@@ -72,7 +72,7 @@ class Target:
         names = {"linux": ("posix", "Linux"), "win32": ("nt", "Windows"), "darwin": ("posix", "Darwin")}[self.system]
         environment = {
             "python_version": self.python,
-            "python_full_version": f"{self.python}.5",
+            "python_full_version": f"{self.python}.0",  # Debian's 3.11 is older than some packages take
             "sys_platform": self.system,
             "platform_machine": self.machine,
             "os_name": names[0],
