@@ -39,8 +39,9 @@ from .sparse_points import SparsePoints
 USUAL_DEPTH_M = 2.5
 """Distance from a camera to what it sees indoors, for tolerances before the scale is known."""
 
-# Two captures that share so many matches of SIFT's need no others: SIFT's are three times as exact.
-_PLENTY = 100
+# Two captures that share so many matches of SIFT's need no others: SIFT's are three times as exact. Nor do
+# those that each share as many with so many others: what they see is measured, and better by SIFT alone.
+_PLENTY, _ENOUGH_OTHERS = 100, 2
 # With a few wide views half of all true points are seen by two rays only a little apart.
 _MIN_TRIANGULATION_ANGLE_DEG = 1.0
 # Depth ranges: robust ends of the measured depths, and room for surfaces without features.
@@ -70,14 +71,26 @@ def detect(captures: Sequence[Capture], settings: CaptureSettings, progress: Pro
 def beside_xfeat(
     detected: Detected, plain: Pairs, cameras: Sequence[Camera], settings: CaptureSettings, progress: Progress = SILENT
 ) -> tuple[Detected, Pairs]:
-    """The features and ``plain`` matches of SIFT, and XFeat's of near pairs that share few."""
-    few = [pair for pair in near_pairs(cameras) if len(plain.get(pair, ())) < _PLENTY]
+    """The features and ``plain`` matches of SIFT, and XFeat's of near pairs that are ``poorly_matched``."""
+    few = poorly_matched(plain, near_pairs(cameras), len(cameras))
     further = match_xfeat(detected.images, few, settings, progress) if few and settings.matcher == "xfeat" else None
     if further is None:
         return detected, plain
     progress.message(f"{NAME} match {len(further.pairs)} of the {len(few)} pairs that share few of SIFT's features")
     features, pairs = Matched(detected.features, plain).beside(further)
     return Detected(features, detected.images), pairs
+
+
+def poorly_matched(plain: Pairs, near: Sequence[tuple[int, int]], count: int) -> list[tuple[int, int]]:
+    """The pairs of ``near``, of so many captures, that share few matches, and of which one shares plenty with
+    hardly any other."""
+    plenty = [pair for pair, found in plain.items() if len(found) >= _PLENTY]
+    others = [sum(index in pair for pair in plenty) for index in range(count)]
+    return [
+        pair
+        for pair in near
+        if len(plain.get(pair, ())) < _PLENTY and min(others[index] for index in pair) < _ENOUGH_OTHERS
+    ]
 
 
 def triangulate(captures: Sequence[Capture], settings: CaptureSettings, progress: Progress = SILENT) -> SparsePoints:

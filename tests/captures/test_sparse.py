@@ -12,7 +12,7 @@ from r2sego_blender.captures.frame.scale import Scale
 from r2sego_blender.captures.frame.world_frame import register
 from r2sego_blender.captures.importing import Imported, import_captures
 from r2sego_blender.captures.solving.locating import landmarks, locate, locate_views
-from r2sego_blender.captures.sparse import depth_ranges, triangulate
+from r2sego_blender.captures.sparse import depth_ranges, poorly_matched, triangulate
 from r2sego_blender.captures.sparse_points import SparsePoints
 from r2sego_blender.captures.store import load_captures, save_captures
 from r2sego_blender.config.settings import CaptureSettings
@@ -204,3 +204,14 @@ def test_sparse_points_of_the_furnished_room(shared):
     assert np.degrees(np.arccos(up[2])) < 0.3
     # Most floor points lie on the rug, which is some 12 mm thick.
     assert -0.02 < registration.world_from_capture[2, 3] < 0.005
+
+
+def test_only_captures_that_hardly_share_anything_are_matched_further():
+    """A chain of four with plenty from one to the next, whose ends and a fifth that is alone are poor."""
+    found = {(0, 1): 100, (1, 2): 300, (2, 3): 100, (0, 2): 99, (3, 4): 20}
+    plain = {pair: np.zeros((count, 2), np.int32) for pair, count in found.items()}
+    near = [(i, j) for i in range(5) for j in range(i + 1, 5)]
+    assert poorly_matched(plain, near, 5) == [(0, 2), (0, 3), (0, 4), (1, 3), (1, 4), (2, 4), (3, 4)]
+    closed = plain | {pair: np.zeros((120, 2), np.int32) for pair in [(0, 3), (0, 4), (3, 4)]}
+    assert poorly_matched(closed, near, 5) == []
+    assert poorly_matched({}, near, 5) == near
