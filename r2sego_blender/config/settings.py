@@ -43,6 +43,7 @@ class CaptureSettings:
         "auto",
         "Whether captures are brought to one exposure and white balance: where those clearly differ.",
         choices=("auto", "never"),
+        added=True,
     )
     pose_sigma_m: float = setting(0.01, "Standard deviation of given positions, each axis.", 0.0001, 1.0)
     pose_sigma_deg: float = setting(0.3, "Standard deviation of given rotations, each axis.", 0.001, 10.0)

@@ -133,7 +133,12 @@ def test_the_proxy_is_coloured_by_provenance(scene, bundle):
     slots = np.empty(len(mesh.polygons), np.int32)
     mesh.polygons.foreach_get("material_index", slots)
     np.testing.assert_array_equal(slots, fake_bundle.proxy().provenance)
-    assert [m.name for m in mesh.materials] == ["R2S-EGO observed", "R2S-EGO prior", "R2S-EGO completed"]
+    assert [m.name for m in mesh.materials] == [
+        "R2S-EGO observed",
+        "R2S-EGO prior",
+        "R2S-EGO completed",
+        "R2S-EGO measured",
+    ]
     assert len({tuple(m.diffuse_color) for m in mesh.materials}) == 3
     assert not mesh.validate()
 

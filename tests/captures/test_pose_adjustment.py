@@ -136,14 +136,20 @@ def test_poses_of_another_unit_are_refined_alike(refined, disturbed):
     np.testing.assert_allclose(shift, 0.0, atol=1e-4)
 
 
-def test_poses_move_no_farther_than_they_may_be_wrong(disturbed, refined):
+def test_poses_move_no_farther_than_they_may_be_wrong(disturbed, refined, messages):
+    """But one that contradicts all others by more than that: it is named, and located from them."""
     sure = replace(SETTINGS, refine_poses="always", pose_sigma_m=1e-4, pose_sigma_deg=0.003)
-    imported, _ = triangulate_refined(_imported(disturbed), sure)
+    imported, _ = triangulate_refined(_imported(disturbed), sure, messages)
     assert "poses refined" in imported.source
-    for captures, moves_m, turns_deg in ((imported.captures, 1e-3, 0.05), (refined[0].captures, 0.02, 0.5)):
-        moved = [a.camera.centre - b.camera.centre for a, b in zip(captures, disturbed, strict=True)]
-        assert 0.1 * moves_m < np.linalg.norm(moved, axis=1).max() < moves_m
-        assert 0.1 * turns_deg < _turns_deg(captures, disturbed).max() < turns_deg
+    kept = np.array([not any(one.name in text for text in messages.warnings) for one in disturbed])
+    assert kept.sum() >= 3
+    for captures, which, moves_m, turns_deg in (
+        (imported.captures, kept, 1e-3, 0.1),
+        (refined[0].captures, np.ones(len(kept), bool), 0.02, 0.5),
+    ):
+        moved = np.array([a.camera.centre - b.camera.centre for a, b in zip(captures, disturbed, strict=True)])
+        assert 0.1 * moves_m < np.linalg.norm(moved, axis=1)[which].max() < moves_m
+        assert 0.1 * turns_deg < _turns_deg(captures, disturbed)[which].max() < turns_deg
 
 
 def test_too_few_tracks_leave_the_poses_as_they_are(disturbed, grey, messages):

@@ -165,7 +165,7 @@ def _frames(video: str) -> Iterator[_Frame]:
 
 def _tell(told: str, share: float) -> None:
     with contextlib.suppress(OSError):  # Windows lets nobody write a file that is being read
-        Path(told).write_text(str(int(100 * share)), encoding="ascii")
+        Path(told).write_bytes(str(int(100 * share)).encode("ascii"))
 
 
 def _motion(before: np.ndarray, after: np.ndarray) -> float:

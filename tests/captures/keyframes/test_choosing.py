@@ -134,7 +134,7 @@ def test_damaged_videos_end_in_an_error_or_in_what_is_left(video, tmp_path, mess
 def test_it_is_cancelled_at_once(video, tmp_path, messages):
     """As a signal does it: all children are killed, and nobody waits for more frames."""
     ended = []
-    threading.Timer(0.5, lambda: (kill_children(), ended.append(time.monotonic()))).start()
+    threading.Timer(0.5, lambda: (ended.append(time.monotonic()), kill_children())).start()
     with pytest.raises(CaptureError, match="cannot be read"):
         for _ in range(20):
             video_keyframes(video, tmp_path, 3, messages)

