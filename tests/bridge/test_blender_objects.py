@@ -139,7 +139,7 @@ def test_the_proxy_is_coloured_by_provenance(scene, bundle):
         "R2S-EGO completed",
         "R2S-EGO measured",
     ]
-    assert len({tuple(m.diffuse_color) for m in mesh.materials}) == 3
+    assert len({tuple(m.diffuse_color) for m in mesh.materials}) == 4
     assert not mesh.validate()
 
 
