@@ -3,11 +3,10 @@
 import bpy
 from bpy.props import IntProperty
 
-from ...r2sego_blender.bridge.shared.cameras import use_frame_of
-from ...r2sego_blender.bridge.shared.preview_range import give_back
 from ...r2sego_blender.bridge.views.show_candidates import candidate_camera
 from ...r2sego_blender.core.errors import SceneError
 from ..base import ReportingOperator
+from ..captures.look_through import look_through
 from .polls import needs_candidates
 
 
@@ -37,9 +36,6 @@ class R2SEGO_OT_look_through_candidate(ReportingOperator, bpy.types.Operator):
         if scores is None or not 0 <= chosen < len(scores):
             raise SceneError("no candidate is chosen", cure="Pick one in the view or in the list first.")
         camera = candidate_camera(scene, scores.bundle_path, scores.views, chosen)
-        use_frame_of(camera, scene)
-        give_back(scene)
-        if context.area is not None and context.area.type == "VIEW_3D":
-            context.space_data.region_3d.view_perspective = "CAMERA"
+        look_through(context, camera)
         told = scores.selection
         return f"Candidate {chosen}: rollout {told.rollout[chosen]}, frame {told.frame[chosen]}"

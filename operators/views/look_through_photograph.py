@@ -3,12 +3,11 @@
 import bpy
 from bpy.props import IntProperty
 
-from ...r2sego_blender.bridge.shared.cameras import use_frame_of
-from ...r2sego_blender.bridge.shared.preview_range import give_back
 from ...r2sego_blender.bridge.views.show_candidates import photograph_camera
 from ...r2sego_blender.core.errors import SceneError
 from .. import state
 from ..base import ReportingOperator
+from ..captures.look_through import look_through
 from . import display
 from .polls import needs_candidates
 
@@ -36,8 +35,5 @@ class R2SEGO_OT_look_through_photograph(ReportingOperator, bpy.types.Operator):
                 cure="Choose one that the panel lists; where the targets lack nothing there is none.",
             )
         display.show(scene, state.opened_bundle(context))
-        use_frame_of(photograph_camera(scene, scores.bundle_path, self.photograph), scene)
-        give_back(scene)
-        if context.area is not None and context.area.type == "VIEW_3D":
-            context.space_data.region_3d.view_perspective = "CAMERA"
+        look_through(context, photograph_camera(scene, scores.bundle_path, self.photograph))
         return f"Photograph {self.photograph + 1} to take: {photographs[self.photograph].in_words()}"

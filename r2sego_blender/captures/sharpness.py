@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+
 import cv2
 import numpy as np
 
-from ..core.images import resize
+from ..core.images import load_image_uint8, resize
+from ..core.progress import Progress
 
 SIDE_PX = 640
 """Longest side at which sharpness is measured: captures are as large by default."""
+
+
+_SCAN_WIDTH_PX = 512
+"""Width at which the photographs of a scan are compared."""
 
 
 def reduced_grey(image: np.ndarray) -> np.ndarray:
@@ -25,3 +33,18 @@ def sharpness(grey: np.ndarray) -> float:
     Only images that show the same can be compared by it.
     """
     return float(cv2.Laplacian(grey, cv2.CV_32F).var())
+
+
+def sharpest(paths: Sequence[Path], count: int, progress: Progress) -> list[int]:
+    """One photograph of each of ``count`` consecutive parts of a recording, by its index.
+
+    Neighbours show the same, so that their sharpness tells blur. The ``blur_score`` that Polycam writes is not
+    used: its two descriptions contradict each other.
+    """
+    found = []
+    for path in progress.track(paths, "Finding sharp keyframes"):
+        grey = cv2.cvtColor(load_image_uint8(path), cv2.COLOR_RGB2GRAY)
+        grey = resize(grey, _SCAN_WIDTH_PX, max(1, grey.shape[0] * _SCAN_WIDTH_PX // grey.shape[1]))
+        found.append(sharpness(grey))
+    parts = np.array_split(np.arange(len(paths)), count)
+    return [int(part[np.argmax(np.array(found)[part])]) for part in parts]

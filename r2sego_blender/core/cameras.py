@@ -6,7 +6,7 @@ pixel centres at half-integers, depth is planar z.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -96,6 +96,17 @@ class Camera:
         if not is_rigid(self.world_from_camera):
             raise NotRigidError("the pose is not a rotation and a translation")
         return self
+
+    def to_arrays(self) -> dict[str, np.ndarray]:
+        """Itself as ``lens`` (6,) and ``world_from_camera`` (4, 4) of an array file."""
+        lens = np.array([self.width, self.height, self.fx, self.fy, self.cx, self.cy])
+        return {"lens": lens, "world_from_camera": self.world_from_camera}
+
+    @staticmethod
+    def from_arrays(arrays: Mapping[str, np.ndarray]) -> Camera:
+        """What ``to_arrays`` gave, ``checked``. Raises KeyError or ValueError for anything else."""
+        width, height, fx, fy, cx, cy = arrays["lens"].tolist()
+        return Camera(int(width), int(height), fx, fy, cx, cy, arrays["world_from_camera"]).checked()
 
     @cached_property
     def camera_from_world(self) -> np.ndarray:

@@ -7,25 +7,12 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from measured_points import measured
 
 from r2sego_blender.captures.blur import BLURRED, relative_sharpness, weights_of
 from r2sego_blender.captures.capture import Capture
-from r2sego_blender.captures.sparse_points import SparsePoints
 from r2sego_blender.core.cameras import look_at
 from r2sego_blender.core.images import save_image
-
-
-def seen(points, cameras):
-    pixels, depths = zip(*(camera.project(points) for camera in cameras), strict=True)
-    visible = [camera.sees(*one) for camera, *one in zip(cameras, pixels, depths, strict=True)]
-    places = [np.where(one[:, None], where, np.nan) for one, where in zip(visible, pixels, strict=True)]
-    return SparsePoints(
-        points,
-        np.zeros((len(points), 3), np.uint8),
-        np.stack(visible, axis=1),
-        np.zeros(len(points)),
-        np.stack(places, axis=1).astype(np.float32),
-    )
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +32,7 @@ def test_a_blurred_capture_is_named_and_counts_less(room_captures, points, tmp_p
     save_image(tmp_path / "blurred.png", blurred)
     captures = [*room_captures]
     captures[3] = replace(captures[3], image_path=tmp_path / "blurred.png")
-    sharpness = relative_sharpness(captures, seen(points, [capture.camera for capture in captures]))
+    sharpness = relative_sharpness(captures, measured(points, [capture.camera for capture in captures]))
     assert sharpness[3] < BLURRED < 0.5 < np.delete(sharpness, 3).min()
     weights = weights_of([capture.name for capture in captures], sharpness, messages)
     assert 0.0 < weights[3] < 1.0 and all(weight == 1.0 for weight in np.delete(weights, 3))
@@ -54,7 +41,7 @@ def test_a_blurred_capture_is_named_and_counts_less(room_captures, points, tmp_p
 
 
 def test_equally_sharp_captures_all_count_alike_in_silence(room_captures, points, messages):
-    sharpness = relative_sharpness(room_captures, seen(points, [capture.camera for capture in room_captures]))
+    sharpness = relative_sharpness(room_captures, measured(points, [capture.camera for capture in room_captures]))
     assert weights_of([capture.name for capture in room_captures], sharpness, messages) == [1.0] * 5
     assert not messages.messages
 
@@ -63,5 +50,5 @@ def test_a_nearer_capture_is_not_taken_for_a_blurred_one(room, room_captures, po
     near = room_captures[2].camera.at(look_at((0.1, 0.3, 1.2), (0.1, 2.0, 1.0)))
     save_image(tmp_path / "near.png", room.image(near))
     captures = [*room_captures, Capture("near.png", tmp_path / "near.png", near)]
-    sharpness = relative_sharpness(captures, seen(points, [capture.camera for capture in captures]))
+    sharpness = relative_sharpness(captures, measured(points, [capture.camera for capture in captures]))
     assert weights_of([capture.name for capture in captures], sharpness, messages) == [1.0] * 6

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from expected_errors import refused
+from measured_points import measured
 
 from r2sego_blender.captures.exposure import exposure_gains_of
-from r2sego_blender.captures.sparse_points import SparsePoints
 from r2sego_blender.captures.store import load_captures, save_captures
 from r2sego_blender.core.colours import linear_from_srgb, srgb_from_linear
 from r2sego_blender.core.errors import CaptureError
@@ -29,23 +29,7 @@ def sparse(room, room_cameras):
     depth = room.depth(first)[pixels[:, 1].astype(int), pixels[:, 0].astype(int)]
     rays = np.column_stack([(pixels - [first.cx, first.cy]) / [first.fx, first.fy], np.ones(len(pixels))])
     points = (rays * depth[:, None]) @ first.world_from_camera[:3, :3].T + first.centre
-    return points_seen(points, room_cameras)
-
-
-def points_seen(points, cameras):
-    seen, places = [], []
-    for camera in cameras:
-        pixels, depth = camera.project(points)
-        visible = camera.sees(pixels, depth)
-        seen.append(visible)
-        places.append(np.where(visible[:, None], pixels, np.nan))
-    return SparsePoints(
-        points,
-        np.zeros((len(points), 3), np.uint8),
-        np.stack(seen, axis=1),
-        np.zeros(len(points)),
-        np.stack(places, axis=1).astype(np.float32),
-    )
+    return measured(points, room_cameras)
 
 
 @pytest.fixture

@@ -89,9 +89,9 @@ def measure(name: str, data: Path, work: Path, preset: str) -> None:
     scene = str(work / f"{name}.r2s")
     poses = ["--poses", str(split.poses)] if split.poses else []
     if not Path(scene).exists():
-        _r2sego("new", scene, "--captures", str(split.captures), *poses)
-    _r2sego("refine", scene, "--preset", preset)
-    _r2sego("evaluate", scene, "--frozen", str(split.frozen))
+        run_r2sego("new", scene, "--captures", str(split.captures), *poses)
+    run_r2sego("refine", scene, "--preset", preset)
+    run_r2sego("evaluate", scene, "--frozen", str(split.frozen))
 
 
 def _emptied(folder: Path) -> Path:
@@ -100,9 +100,10 @@ def _emptied(folder: Path) -> Path:
     return folder
 
 
-def _r2sego(*arguments: str) -> None:
-    print(f"$ r2sego {' '.join(arguments)}", flush=True)
-    status = subprocess.run([sys.executable, "-m", "r2sego_blender", *arguments]).returncode
+def run_r2sego(*arguments: str | Path) -> None:
+    """Run one of the program's commands, whose words are shown; ends this process where it fails."""
+    print(f"$ r2sego {' '.join(map(str, arguments))}", flush=True)
+    status = subprocess.run([sys.executable, "-m", "r2sego_blender", *map(str, arguments)]).returncode
     if status:  # it has said why
         sys.exit(status)
 

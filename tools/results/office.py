@@ -15,8 +15,6 @@ from __future__ import annotations
 import argparse
 import json
 import shutil
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -38,6 +36,8 @@ from r2sego_blender.geometry.stereo.observed_geometry import OBSERVED
 from r2sego_blender.refine.visual_asset import vanilla_asset
 from r2sego_blender.splats.rendering.rasterizer import render
 from r2sego_blender.splats.training.observations import Observation
+
+from .measure import run_r2sego
 
 _HELD_OUT_OF_SEVEN = (1, 3, 5)
 
@@ -126,9 +126,9 @@ def measure(data: Path, work: Path, split: str, with_depth: bool, preset: str) -
     cameras = folder / "photographs" / "cameras.json"
     if not scene.exists():
         depth = ["--depth", str(folder / "depth")] if with_depth else []
-        _r2sego("new", scene, "--captures", cameras.parent, "--poses", cameras, *depth)
-    _r2sego("refine", scene, "--preset", preset)
-    _r2sego("evaluate", scene, "--frozen", cameras)
+        run_r2sego("new", scene, "--captures", cameras.parent, "--poses", cameras, *depth)
+    run_r2sego("refine", scene, "--preset", preset)
+    run_r2sego("evaluate", scene, "--frozen", cameras)
     opened = Scene.open(scene)
     arms = json.loads(opened.metrics_file.read_text())["arms"]
     psnr, ssim = strongest_baseline(opened, cameras)
@@ -140,13 +140,6 @@ def measure(data: Path, work: Path, split: str, with_depth: bool, preset: str) -
         "same_points_without_rounds": [psnr, ssim],
         "refined": [arms["refined"][key] for key in ("psnr", "ssim")],
     }
-
-
-def _r2sego(*arguments: str | Path) -> None:
-    print(f"$ r2sego {' '.join(map(str, arguments))}", flush=True)
-    status = subprocess.run([sys.executable, "-m", "r2sego_blender", *map(str, arguments)]).returncode
-    if status:  # it has said why
-        sys.exit(status)
 
 
 def main() -> None:

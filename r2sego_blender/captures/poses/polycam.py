@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from ...core.errors import CaptureError
-from ...core.images import load_image_uint8, resize
 from ...core.progress import SILENT, Progress
 from ..lenses.lens import Lens
 from ..sensors.sensor_depth import SensorDepth
+from ..sharpness import sharpest
 from . import json_fields as fields
 from .finding import find_photographs
 from .photographs import Photograph, require_lens_of_size, upright_size, with_unique_names
@@ -22,7 +20,6 @@ from .transforms_json import GL_FROM_CV
 _CORRECTED_BORDER_PX = 15.0
 # "The max range of the lidar sensor is 5M, so [...] anything larger than that is a total guess."
 LIDAR_RANGE_M = 5.0
-_SHARPNESS_WIDTH_PX = 512
 UP = np.array([0.0, 1.0, 0.0])
 """ARKit's world has gravity along -Y."""
 
@@ -63,21 +60,6 @@ def lidar_depth(keyframes: Path) -> SensorDepth | None:
     if not depth.is_dir():
         return None
     return SensorDepth(depth, confidence if confidence.is_dir() else None, LIDAR_RANGE_M)
-
-
-def sharpest(paths: Sequence[Path], count: int, progress: Progress) -> list[int]:
-    """One photograph of each of ``count`` consecutive parts of a recording, by its index.
-
-    Neighbours show the same, so that the variance of the Laplacian tells blur. The app's own
-    ``blur_score`` is not used: its two descriptions contradict each other.
-    """
-    sharpness = []
-    for path in progress.track(paths, "Finding sharp keyframes"):
-        grey = cv2.cvtColor(load_image_uint8(path), cv2.COLOR_RGB2GRAY)
-        grey = resize(grey, _SHARPNESS_WIDTH_PX, max(1, grey.shape[0] * _SHARPNESS_WIDTH_PX // grey.shape[1]))
-        sharpness.append(float(cv2.Laplacian(grey, cv2.CV_32F).var()))
-    parts = np.array_split(np.arange(len(paths)), count)
-    return [int(part[np.argmax(np.array(sharpness)[part])]) for part in parts]
 
 
 def _photograph(file: Path, path: Path, border_px: float) -> Photograph:

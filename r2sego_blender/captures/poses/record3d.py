@@ -16,10 +16,11 @@ from ...core.errors import CaptureError
 from ...core.progress import SILENT, Progress
 from ..lenses.lens import Lens
 from ..sensors.sensor_depth import SensorDepth
+from ..sharpness import sharpest
 from . import json_fields as fields
 from .finding import find_photographs
 from .photographs import Photograph, with_unique_names
-from .polycam import LIDAR_RANGE_M, sharpest
+from .polycam import LIDAR_RANGE_M
 from .transforms_json import GL_FROM_CV
 
 _POSE_NUMBERS, _MATRIX_NUMBERS, _LENS_NUMBERS = 7, 9, 4

@@ -37,17 +37,14 @@ class SensorMap:
 
     def save(self, path: Path) -> None:
         """Write the maps and the camera as an uncompressed ``.npz``."""
-        camera = self.camera
-        lens = np.array([camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy])
-        save_arrays(path, depth=self.depth, sigma=self.sigma, lens=lens, world_from_camera=camera.world_from_camera)
+        save_arrays(path, depth=self.depth, sigma=self.sigma, **self.camera.to_arrays())
 
     @staticmethod
     def load(path: Path) -> SensorMap:
         """Read what ``save`` wrote. Raises CaptureError when the file is none of it."""
         cure = "Make the scene anew with `r2sego new`."
         with opened_arrays(path, CaptureError, "this is no sensor's depth", cure) as data:
-            width, height, fx, fy, cx, cy = data["lens"].tolist()
-            camera = Camera(int(width), int(height), fx, fy, cx, cy, data["world_from_camera"]).checked()
+            camera = Camera.from_arrays(data)
             maps = {name: data[name] for name in ("depth", "sigma")}
             require_shapes(maps, **dict.fromkeys(maps, f"{camera.height} {camera.width}"))
             require_between(0.0, _FARTHEST_M, **maps)

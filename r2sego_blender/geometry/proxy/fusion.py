@@ -269,7 +269,7 @@ def face_evidence(
     (F,) uint16, the number whose trusted stereo lies on it (F,) uint16, and its confidence (F,) float32.
     """
     seen = [KnownDepth(view.camera, rasterizer.render(view.camera).depth) for view in completed]
-    chosen = [KnownDepth(v.camera, np.where(v.source == DepthSource.PLANE, v.depth, 0)) for v in completed]
+    chosen = _of_source(completed, DepthSource.PLANE)
     centroids, normals = vertices[faces].mean(1), normals_and_areas(vertices, faces)[0]
     support, observed, planar = (
         collect_votes(centroids, views, _SAME_SURFACE, normals, _LEAST_COSINE).agree
@@ -278,6 +278,11 @@ def face_evidence(
     # Each capture whose stereo lies on a face halves the doubt, each chosen plane takes a fifth.
     confidence = 1.0 - 0.9 * 0.5 ** observed.astype(float) * 0.8 ** planar.astype(float)
     return support, observed, confidence.astype(np.float32)
+
+
+def _of_source(completed: Sequence[CompletedDepth], source: DepthSource) -> list[KnownDepth]:
+    """The depth that comes from there."""
+    return [KnownDepth(c.camera, np.where(c.source == source, c.depth, 0)) for c in completed]
 
 
 def _trusted(completed: Sequence[CompletedDepth]) -> list[KnownDepth]:
@@ -294,8 +299,8 @@ def _with_evidence(
 ) -> GeometryProxy:
     support, observed, confidence = face_evidence(vertices, faces, MeshRasterizer(vertices, faces), completed)
     provenance = np.where(observed > 0, Provenance.OBSERVED, Provenance.COMPLETED).astype(np.uint8)
-    if any((view.source == DepthSource.MEASURED).any() for view in completed):
-        measured = [KnownDepth(c.camera, np.where(c.source == DepthSource.MEASURED, c.depth, 0)) for c in completed]
+    measured = _of_source(completed, DepthSource.MEASURED)
+    if any(view.depth.any() for view in measured):
         centroids, normals = vertices[faces].mean(1), normals_and_areas(vertices, faces)[0]
         by_sensor = collect_votes(centroids, measured, _SAME_SURFACE, normals, _LEAST_COSINE).agree
         provenance[(observed > 0) & (2 * by_sensor > observed)] = Provenance.MEASURED

@@ -66,16 +66,13 @@ class DepthMap:
 
     def save(self, path: Path) -> None:
         """Write the maps and the camera as an uncompressed ``.npz``."""
-        camera = self.camera
-        lens = np.array([camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy])
         save_arrays(
             path,
             depth=self.depth,
             normal=self.normal,
             cost=self.cost,
             support=self.support,
-            lens=lens,
-            world_from_camera=camera.world_from_camera,
+            **self.camera.to_arrays(),
             **({} if self.measured is None else {"measured": self.measured}),
         )
 
@@ -83,8 +80,7 @@ class DepthMap:
     def load(path: Path) -> DepthMap:
         """Read what ``save`` wrote. Raises GeometryError when the file is no depth map."""
         with opened_arrays(path, GeometryError, "this is not a depth map") as data:
-            width, height, fx, fy, cx, cy = data["lens"].tolist()
-            camera = Camera(int(width), int(height), fx, fy, cx, cy, data["world_from_camera"]).checked()
+            camera = Camera.from_arrays(data)
             maps = {name: data[name] for name in ("depth", "normal", "cost", "support")}
             size = f"{camera.height} {camera.width}"
             require_shapes(maps, depth=size, normal=f"{size} 3", cost=size, support=size)
