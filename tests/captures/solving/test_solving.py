@@ -179,7 +179,7 @@ def test_a_photograph_at_a_wrong_place_is_left_out(shared, messages):
     for capture in imported.captures:
         turn = first.camera.camera_from_world @ capture.camera.world_from_camera
         true = np.linalg.inv(truth[first.name]) @ truth[capture.name]
-        assert np.degrees(rotation_angle_rad(turn, true)) < 1.5
+        assert np.degrees(rotation_angle_rad(turn, true)) < 1.0
 
 
 @pytest.mark.parametrize("exif_mm", [18, 27])
