@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..core.cameras import Camera, look_at
+from ..geometry.mesh.meshes import normals_and_areas
 from ..geometry.proxy.proxy import GeometryProxy
 from ..geometry.visibility.face_sight import STEEP, face_sight
 from ..geometry.visibility.point_visibility import looked_up
@@ -71,9 +72,7 @@ def _lacking(
     """Points (P, 3) that are not shown well, with the normals (P, 3) of their surface, 0 for none,
     and weights (P,); and the weight of all pixels."""
     points, normals, weights, missing = [np.empty((0, 3))], [np.empty((0, 3))], [np.empty(0)], 0.0
-    corners = np.asarray(proxy.vertices, np.float64)[proxy.faces]
-    facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-30)
+    facing, _ = normals_and_areas(proxy.vertices, proxy.faces)
     for index in np.unique(np.linspace(0, len(candidates) - 1, _VIEWS).astype(np.int64)) if candidates else ():
         small = candidates[index].fitted(_VIEW_SIDE_PX)
         buffers = rasterizer.render(small)

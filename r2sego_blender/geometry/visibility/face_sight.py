@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.cameras import Camera
+from ..mesh.meshes import normals_and_areas
 from .point_visibility import looked_up, same_depth
 
 STEEP = 0.3
@@ -36,10 +37,8 @@ def face_sight(
 
     ``depth_of`` renders the mesh's planar depth (H, W), metres, 0 where there is none.
     """
-    corners = np.asarray(vertices, np.float64)[faces]
-    middles = corners.mean(axis=1)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    middles = np.asarray(vertices, np.float64)[faces].mean(axis=1)
+    normals, _ = normals_and_areas(vertices, faces)
     best = FaceSight(np.zeros(len(middles)), np.zeros(len(middles)))
     for camera in cameras:
         inside, z, shown = looked_up(middles, camera, depth_of(camera))
