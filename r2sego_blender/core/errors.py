@@ -64,6 +64,10 @@ class EvaluationError(R2SEgoError):
     """Ground truth that is missing or damaged, or something it cannot score."""
 
 
+class TrialError(R2SEgoError):
+    """A plan of trials, a device, a calibration or a record that cannot be used."""
+
+
 class MachineError(R2SEgoError):
     """Something this machine lacks: a package, a system library, disk space."""
 
