@@ -35,7 +35,8 @@ _MOST_BYTES, _MOST_RECORDS, _MOST_JUDGEMENTS = 16 << 20, 1_000_000, 100
 class Entry:
     """One record: its ``number``, the planned ``trial`` (its index, from 0) and the digest of the ``plan``.
 
-    ``began`` is a date and time, UTC, ``simulated`` whether no real device was there. ``sensors`` is the
+    ``tethered`` is whether the tether stayed on, ``began`` a date and time, UTC, ``simulated`` whether no real
+    device was there. ``sensors`` is the
     judgement as the record ended, None where it was cut off; ``judgement`` the one that counts: unusable for a
     record that was cut off. ``sha256`` is the file's, "" for one that was cut off.
     """
@@ -43,6 +44,7 @@ class Entry:
     number: int
     trial: int
     plan: str
+    tethered: bool
     began: str
     simulated: bool
     sensors: Judgement | None
@@ -53,6 +55,11 @@ class Entry:
     def name(self) -> str:
         """The record's file, in the folder of records."""
         return file_name(self.number)
+
+    @property
+    def ended(self) -> tuple[int, bool, Outcome]:
+        """The trial, whether it was tethered and what counts, as the plan's order asks for it."""
+        return self.trial, self.tethered, self.judgement.outcome
 
 
 CUT_OFF = Judgement(
@@ -93,7 +100,7 @@ class RecordIndex:
                 continue
         return [found[number] for number in sorted(found)]
 
-    def begin(self, trial: int, plan: str, simulated: bool) -> int:
+    def begin(self, trial: int, plan: str, tethered: bool, simulated: bool) -> int:
         """The number of a new record, which no record has had; it is in the index before its file is made.
 
         One session at a time may call it. Raises OSError and TrialError.
@@ -102,7 +109,7 @@ class RecordIndex:
         number = 1 + max(self._numbers(), default=0)
         if number > _MOST_RECORDS:
             raise TrialError("a study holds no more records", where=self.folder, cure="Plan another study.")
-        self._append(record=number, began=_now(), trial=trial, plan=plan, simulated=simulated)
+        self._append(record=number, began=_now(), trial=trial, plan=plan, tethered=tethered, simulated=simulated)
         return number
 
     def judge(self, number: int, judgement: Judgement, sha256: str = "") -> None:
@@ -134,7 +141,8 @@ def _began(number: int, values: Mapping[str, Any]) -> Entry:
     began, plan = values["began"], values["plan"]
     if not (isinstance(began, str) and isinstance(plan, str) and max(len(began), len(plan)) < _MOST_JUDGEMENTS):
         raise ValueError("it says no date or plan")
-    return Entry(number, _whole(values["trial"]), plan, began, values["simulated"] is True, None, CUT_OFF, "")
+    tethered, simulated = (values[name] is True for name in ("tethered", "simulated"))
+    return Entry(number, _whole(values["trial"]), plan, tethered, began, simulated, None, CUT_OFF, "")
 
 
 def _judged(entry: Entry, values: Mapping[str, Any]) -> Entry:

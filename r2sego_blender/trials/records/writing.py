@@ -29,14 +29,13 @@ _PIECE_BYTES = CHUNK_BYTES // 4  # a message, with which a chunk grows beyond wh
 _WHOLE: Mapping[str, Any] = {"type": "integer"}
 _LIST = {"type": "array", "items": _WHOLE}
 _SCHEMAS: Mapping[str, Mapping[str, Any]] = {
-    SAMPLES: {
-        "description": "Decoded samples, a list each; raw has counts of each channel by sample.",
+    SAMPLES: {  # a list each; raw has a list of the channels' counts for each sample
         "sequence": _LIST,
         "device_us": _LIST,
         "raw": {"type": "array", "items": _LIST},
         "flags": _LIST,
     },
-    HELLO: {"device": {"type": "string"}, "firmware": {"type": "string"}, "boot": _WHOLE, "rate_hz": {"type": "number"}},
+    HELLO: {"device": {"type": "string"}, "boot": _WHOLE, "rate_hz": {"type": "number"}},
     EVENTS: {"kind": {"type": "string"}, "text": {"type": "string"}},
     LOST: {"text": {"type": "string"}},
     JUDGEMENT: {"outcome": {"type": "string"}, "reasons": {"type": "array"}, "manual": {"type": "string"}},
@@ -55,11 +54,14 @@ class RecordWriter:
             self._stream,
             chunk_size=CHUNK_BYTES - 2 * _PIECE_BYTES,
             compression=mcap.writer.CompressionType.NONE,  # a reader's memory is then bounded by the file
+            enable_data_crcs=True,
         )
         self._writer.start(library="r2sego")
         self._topics = {RECEIVED: self._writer.register_channel(RECEIVED, "application/octet-stream", 0)}
         for topic, schema in _SCHEMAS.items():
-            schema_id = self._writer.register_schema(topic, "jsonschema", json.dumps(_json_schema(topic, schema)).encode())
+            schema_id = self._writer.register_schema(
+                topic, "jsonschema", json.dumps(_json_schema(topic, schema)).encode()
+            )
             self._topics[topic] = self._writer.register_channel(topic, "json", schema_id)
         self._writer.add_metadata(METADATA, {"json": json.dumps(about, allow_nan=False)})
         self.flush()
@@ -81,12 +83,17 @@ class RecordWriter:
         """What was decoded of them, as the device sent it."""
         for begin in range(0, len(sequence), 32):  # of 8 channels: 3.5 kB
             piece = slice(begin, begin + 32)
-            values = {"sequence": sequence[piece], "device_us": device_us[piece], "raw": raw[piece], "flags": flags[piece]}
+            values = {
+                "sequence": sequence[piece],
+                "device_us": device_us[piece],
+                "raw": raw[piece],
+                "flags": flags[piece],
+            }
             self._add(SAMPLES, json.dumps(values, separators=(",", ":")).encode(), received_ns, wall_ns)
 
     def tell(self, topic: str, values: Mapping[str, Any], received_ns: int, wall_ns: int) -> None:
         """A hello, an event or the line's loss; it is written at once."""
-        self._add(topic, json.dumps(values, allow_nan=False).encode()[:_PIECE_BYTES], received_ns, wall_ns)
+        self._add(topic, json.dumps(values, allow_nan=False).encode(), received_ns, wall_ns)
         self.flush()
 
     def judgement(self, judgement: Judgement, received_ns: int, wall_ns: int) -> None:
