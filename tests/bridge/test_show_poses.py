@@ -9,7 +9,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from r2sego_blender.bridge.trials.show_poses import show_poses  # noqa: E402
+from r2sego_blender.bridge.trials.show_poses import move_poses, show_poses  # noqa: E402
 
 
 def _points(shown):
@@ -34,7 +34,10 @@ def test_outlines_reach_farthest_the_way_they_face(scene, tmp_path, turn):
 
 
 def test_the_next_trial_takes_the_place_of_the_one_before(scene, tmp_path):
-    for trial in ("trial 1", "trial 2"):
-        show_poses(scene, tmp_path / "a.trials", trial, (0.0, 0.0, 0.0), (1.0, 0.0, math.pi), "Chair")
-    assert sorted(one.name for one in bpy.data.objects) == ["Chair, trial 2", "Robot, trial 2"]
+    study = tmp_path / "a.trials"
+    assert move_poses(scene, study, "trial 1", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), "Chair") == []
+    for trial, way in (("trial 1", show_poses), ("trial 2", show_poses), ("trial 3", move_poses)):
+        robot, chair = way(scene, study, trial, (0.0, 0.0, 0.0), (1.0, 0.5, math.pi), "Chair")
+        assert sorted(one.name for one in bpy.data.objects) == [f"Chair, {trial}", f"Robot, {trial}"]
     assert len(bpy.data.curves) == 2
+    assert tuple(chair.location) == (1.0, 0.5, 0.0) and tuple(robot.location) == (0.0, 0.0, 0.0)

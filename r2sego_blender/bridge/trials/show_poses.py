@@ -11,9 +11,10 @@ import bpy
 
 from ...trials.running.live import Pose
 from ..shared.materials import plain_material
-from ..shared.outliner import fresh_collection, link
+from ..shared.outliner import find_collection, fresh_collection, link
 
 PART = "Trial poses"
+_WHICH = "r2sego_trial_pose"
 _WIDTH_M = 0.008
 _ROBOT, _CHAIR = (0.13, 0.62, 0.59), (0.95, 0.6, 0.2)  # teal as the behaviour region, and amber
 
@@ -58,18 +59,29 @@ def show_poses(
     shows the way it faces, and its name the ``trial``. Sizes are of no robot or chair: the middle counts.
     """
     collection = fresh_collection(scene, study, PART)
-    shown = []
-    for name, pose, outline, colour in (
-        (f"Robot, {trial}", robot, _ROBOT_OUTLINE, _ROBOT),
-        (f"{chair_type}, {trial}", chair, _CHAIR_OUTLINE, _CHAIR),
-    ):
-        drawn = bpy.data.objects.new(name, _curve(name, outline, colour))
-        x, y, turn = pose
-        drawn.location, drawn.rotation_euler = (x, y, 0.0), (0.0, 0.0, turn)
+    for which, outline, colour in (("robot", _ROBOT_OUTLINE, _ROBOT), ("chair", _CHAIR_OUTLINE, _CHAIR)):
+        drawn = bpy.data.objects.new(which, _curve(which, outline, colour))
+        drawn[_WHICH] = which
         drawn.lock_location = drawn.lock_rotation = (True, True, True)
         drawn.show_name = drawn.show_in_front = True
         link(collection, drawn)
-        shown.append(drawn)
+    return move_poses(scene, study, trial, robot, chair, chair_type)
+
+
+def move_poses(
+    scene: bpy.types.Scene, study: Path, trial: str, robot: Pose, chair: Pose, chair_type: str
+) -> list[bpy.types.Object]:
+    """Those that ``show_poses`` made, at the poses of another trial; none where they are not shown.
+
+    Nothing is made or removed, so that a timer may do it between two steps to undo.
+    """
+    collection = find_collection(scene, study, PART)
+    shown = [one for one in collection.objects if _WHICH in one] if collection is not None else []
+    for drawn in shown:
+        is_robot = drawn[_WHICH] == "robot"
+        x, y, turn = robot if is_robot else chair
+        drawn.name = f"{'Robot' if is_robot else chair_type}, {trial}"
+        drawn.location, drawn.rotation_euler = (x, y, 0.0), (0.0, 0.0, turn)
     return shown
 
 
@@ -82,5 +94,5 @@ def _curve(name: str, outline: _Outline, colour: tuple[float, float, float]) -> 
             spline.points.add(len(line) - 1)
             spline.points.foreach_set("co", [value for x, y in line for value in (x, y, 0.0, 1.0)])
             spline.use_cyclic_u = cyclic
-    data.materials.append(plain_material(f"R2S-EGO trial, {'robot' if colour == _ROBOT else 'chair'}", colour))
+    data.materials.append(plain_material(f"R2S-EGO trial, {name}", colour))
     return data
