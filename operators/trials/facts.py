@@ -8,8 +8,10 @@ import bpy
 from ...r2sego_blender.bridge.shared.moved_bundle import whole_path
 from ...r2sego_blender.bridge.shared.views_3d import redraw_views
 from ...r2sego_blender.core.errors import R2SEgoError
+from ...r2sego_blender.trials.plan.next_trial import Ended, next_trial
 from ...r2sego_blender.trials.plan.study import StudyState, state_of
 from ...r2sego_blender.trials.plan.trial_plan import PlannedTrial, TrialPlan
+from ...r2sego_blender.trials.records.index import RecordIndex
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,7 @@ def read(study: str) -> StudyFacts:
     """Read a study's folder again; what cannot be read is told as the ``problem``."""
     try:
         plan = TrialPlan.load(study)
-        _kept[study] = StudyFacts(plan, state_of(study), _next(study, plan))
+        _kept[study] = StudyFacts(plan, state_of(study), next_trial(plan, _ended(study)))
     except (R2SEgoError, OSError) as error:
         _kept[study] = StudyFacts(problem=str(error))
     redraw_views("UI")
@@ -59,3 +61,8 @@ def catch_up(*_: object) -> None:
         study = study_path(scene)
         if study and study not in _kept:
             read(study)
+
+
+def _ended(study: str) -> list[Ended]:
+    """What every trial of the study that was run ended in."""
+    return [entry.ended for entry in RecordIndex(Path(study)).entries()]

@@ -12,11 +12,12 @@ class R2SEGO_PG_trials(bpy.types.PropertyGroup):
 
     study: StringProperty(name="Study", description="The study's folder, NAME.trials", subtype="DIR_PATH")
     device: StringProperty(
-        name="Device",
-        description="Where the device is: /dev/ttyACM0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT",
+        name="Device", description="Where the device is: /dev/ttyACM0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT"
     )
     calibration: StringProperty(
-        name="Calibration", description="The device's calibration, as r2sego trials calibrate wrote it", subtype="FILE_PATH"
+        name="Calibration",
+        description="The device's calibration, as r2sego trials calibrate wrote it",
+        subtype="FILE_PATH",
     )
     simulated: BoolProperty(name="Simulated", description="A simulated device in place of a real one: nothing counts")
 

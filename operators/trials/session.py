@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 
 from ...r2sego_blender.bridge.trials.show_poses import move_poses
+from ...r2sego_blender.core.errors import TrialError
 from ...r2sego_blender.trials.running.live import Live
 from ...r2sego_blender.workers.jobs import Job
 from .. import job
@@ -27,9 +28,7 @@ def hear(followed: Job, data: Mapping[str, Any]) -> None:
     if before is None or before[0] != study or (before[1].index, before[1].state) != (live.index, live.state):
         for scene in bpy.data.scenes:
             if scene.library is None and facts.study_path(scene) == study:
-                move_poses(
-                    scene, Path(study), trial_name(live.index), live.robot_pose, live.chair_pose, live.chair
-                )
+                move_poses(scene, Path(study), trial_name(live.index), live.robot_pose, live.chair_pose, live.chair)
 
 
 def live_of(study: str) -> Live | None:
@@ -48,3 +47,10 @@ def forget() -> None:
 def trial_name(index: int) -> str:
     """How people call a trial: they count from 1."""
     return f"trial {index + 1}"
+
+
+def require_session(study: str) -> None:
+    """Raise TrialError unless a session of the study runs, here or elsewhere on this machine: what nobody
+    reads is lost."""
+    if live_of(study) is None:
+        raise TrialError("no session runs", where=study, cure="Start one with Run, or in a terminal.")

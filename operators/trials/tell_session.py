@@ -6,11 +6,11 @@ import bpy
 from bpy.props import EnumProperty, StringProperty
 
 from ...r2sego_blender.core.errors import TrialError
-from ...r2sego_blender.trials.outcome import Outcome
 from ...r2sego_blender.trials.running.controls import Control, send
 from ..base import ReportingOperator, description_of_choice
 from . import facts
 from .polls import needs_study
+from .session import require_session
 
 _CONTROLS = [
     ("ARM", "Arm", "Robot and chair stand as planned: record from now on"),
@@ -24,6 +24,12 @@ _CONTROLS = [
     ("STOP", "Stop", "No more trials now; one that runs becomes unusable"),
 ]
 _WITH_TEXT = {"ABORT", "NOTE", "VIDEO"}
+
+
+def _tell(context, control, **data):
+    study = facts.study_path(context.scene)
+    require_session(study)
+    send(Path(study), control, **data)
 
 
 class R2SEGO_OT_tell_session(ReportingOperator, bpy.types.Operator):
@@ -53,7 +59,7 @@ class R2SEGO_OT_tell_session(ReportingOperator, bpy.types.Operator):
         self.layout.prop(self, "text")
 
     def perform(self, context):
-        send(running_study(context), Control[self.control], **({"text": self.text} if self.text else {}))
+        _tell(context, Control[self.control], **({"text": self.text} if self.text else {}))
 
 
 class R2SEGO_OT_judge_trial(ReportingOperator, bpy.types.Operator):
@@ -90,6 +96,6 @@ class R2SEGO_OT_judge_trial(ReportingOperator, bpy.types.Operator):
     def perform(self, context):
         if not (self.by.strip() and self.text.strip()):
             raise TrialError("a judgement by hand names who judges, and why", cure="Give both.")
-        told = {"outcome": Outcome[self.outcome].name, "by": self.by.strip(), "text": self.text.strip()}
-        send(running_study(context), Control.JUDGE, **told)
+        told = {"outcome": self.outcome, "by": self.by.strip(), "text": self.text.strip()}
+        _tell(context, Control.JUDGE, **told)
         return f"Judged by {self.by.strip()}: {self.outcome.lower()}"
