@@ -1,7 +1,7 @@
 """The timer that follows the engine's job, finds jobs of a former Blender, and takes results over.
 
-It looks five times a second while a job runs, ten times where that is live. A modal operator would do so too, but Blender
-saves no backup while one runs, and a refinement takes hours.
+It looks five times a second while a job runs, ten times where that is live. A modal operator would do so
+too, but Blender saves no backup while one runs, and a refinement takes hours.
 """
 
 import time

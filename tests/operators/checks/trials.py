@@ -76,7 +76,7 @@ def agree(found, planned):
 
 
 def check_a_study_is_opened_and_the_poses_of_its_trials_are_shown():
-    plan, path = opened("poses")
+    plan, _ = opened("poses")
     assert group().facts.plan.digest == plan.digest and group().facts.next.number == 1
     for number in (1, 4):
         assert bpy.ops.r2sego.show_trial_poses(number=number) == {"FINISHED"}
