@@ -9,6 +9,7 @@ from __future__ import annotations
 import datetime
 import json
 import re
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,7 +29,7 @@ INDEX_FILE = "index.jsonl"
 """In the folder of records."""
 
 _NAME = re.compile(r"([0-9]{4,9})\.mcap")
-_MOST_BYTES, _MOST_RECORDS, _MOST_JUDGEMENTS = 16 << 20, 1_000_000, 100
+_MOST_BYTES, _MOST_RECORDS, _MOST_LINES, _LONGEST = 16 << 20, 1_000_000, 100, 100
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class Entry:
     ``tethered`` is whether the tether stayed on, ``began`` a date and time, UTC, ``simulated`` whether no real
     device was there. ``sensors`` is the
     judgement as the record ended, None where it was cut off; ``judgement`` the one that counts: unusable for a
-    record that was cut off. ``sha256`` is the file's, "" for one that was cut off.
+    record that was cut off. ``sha256`` is the finished file's, "" without one.
     """
 
     number: int
@@ -86,16 +87,16 @@ class RecordIndex:
         Raises TrialError for a file that is none of an index, or far too large.
         """
         found: dict[int, Entry] = {}
-        judged: dict[int, int] = {}
+        lines: Counter[int] = Counter()
         for line in self._lines():
             try:
                 values = parse_json(line)
                 number = _whole(values["record"])
                 if "began" in values:
                     found.setdefault(number, _began(number, values))
-                elif judged.setdefault(number, 0) < _MOST_JUDGEMENTS and number in found:
-                    found[number] = _judged(found[number], values)
-                    judged[number] += 1
+                elif number in found and lines[number] < _MOST_LINES:
+                    lines[number] += 1
+                    found[number] = _more(found[number], values)
             except (ValueError, LookupError, TypeError):
                 continue
         return [found[number] for number in sorted(found)]
@@ -112,10 +113,13 @@ class RecordIndex:
         self._append(record=number, began=_now(), trial=trial, plan=plan, tethered=tethered, simulated=simulated)
         return number
 
-    def judge(self, number: int, judgement: Judgement, sha256: str = "") -> None:
-        """Add a record's judgement, and with the first one its file's digest. Raises OSError."""
-        given = {"sha256": sha256} if sha256 else {}
-        self._append(record=number, judged=_now(), judgement=judgement_values(judgement), **given)
+    def judge(self, number: int, judgement: Judgement) -> None:
+        """Add a record's judgement, the sensors' first. Raises OSError."""
+        self._append(record=number, judged=_now(), judgement=judgement_values(judgement))
+
+    def close(self, number: int, sha256: str) -> None:
+        """Add the digest of a record's finished file. Raises OSError."""
+        self._append(record=number, closed=_now(), sha256=sha256)
 
     def _append(self, **values: Any) -> None:
         append_line(self.file, json.dumps(values, allow_nan=False), to_disk=True)
@@ -139,19 +143,21 @@ class RecordIndex:
 
 def _began(number: int, values: Mapping[str, Any]) -> Entry:
     began, plan = values["began"], values["plan"]
-    if not (isinstance(began, str) and isinstance(plan, str) and max(len(began), len(plan)) < _MOST_JUDGEMENTS):
+    if not (isinstance(began, str) and isinstance(plan, str) and max(len(began), len(plan)) <= _LONGEST):
         raise ValueError("it says no date or plan")
     tethered, simulated = (values[name] is True for name in ("tethered", "simulated"))
     return Entry(number, _whole(values["trial"]), plan, tethered, began, simulated, None, CUT_OFF, "")
 
 
-def _judged(entry: Entry, values: Mapping[str, Any]) -> Entry:
+def _more(entry: Entry, values: Mapping[str, Any]) -> Entry:
+    """The entry with what a later line says of its record."""
+    if "closed" in values:
+        sha256 = values["sha256"]
+        return replace(entry, sha256=sha256) if _is_digest(sha256) and not entry.sha256 else entry
     judgement = judgement_of(values["judgement"])
-    if entry.sensors is not None:
-        return replace(entry, judgement=judgement)
-    sha256 = values.get("sha256", "")
-    sensors = judgement if not judgement.manual else None
-    return replace(entry, sensors=sensors, judgement=judgement, sha256=sha256 if _is_digest(sha256) else "")
+    if entry.sensors is None and not judgement.manual:
+        return replace(entry, sensors=judgement, judgement=judgement)
+    return replace(entry, judgement=judgement)
 
 
 def _is_digest(text: Any) -> bool:

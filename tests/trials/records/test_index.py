@@ -27,7 +27,9 @@ def test_a_study_without_records_has_none(index):
 
 def test_records_come_back_as_they_were_judged(index):
     for trial, judgement in enumerate((SUCCESS, FAILED)):
-        index.judge(index.begin(trial, PLAN, tethered=trial == 0, simulated=True), judgement, "cd" * 32)
+        number = index.begin(trial, PLAN, tethered=trial == 0, simulated=True)
+        index.judge(number, judgement)
+        index.close(number, "cd" * 32)
     first, second = index.entries()
     assert (first.number, first.trial, first.plan, first.simulated, first.sha256) == (1, 0, PLAN, True, "cd" * 32)
     assert (first.judgement, second.judgement, second.sensors) == (SUCCESS, FAILED, FAILED)
@@ -44,7 +46,8 @@ def test_a_record_that_was_cut_off_is_unusable(index):
 
 def test_a_persons_later_judgement_counts_and_the_sensors_stays(index):
     number = index.begin(0, PLAN, tethered=False, simulated=False)
-    index.judge(number, SUCCESS, "cd" * 32)
+    index.judge(number, SUCCESS)
+    index.close(number, "cd" * 32)
     by_hand = Judgement(Outcome.FAILURE, ((Failure.INTERVENTION, "seen on video"),), 3.5, 2.0, manual="A. Person")
     index.judge(number, by_hand)
     (entry,) = index.entries()
