@@ -134,13 +134,25 @@ class R2SEGO_PT_trials(Step, bpy.types.Panel):
         row.scale_y = 1.5
         for control, text, icon in _BUTTONS.get(live.state.name, ()):
             row.operator("r2sego.tell_session", text=text, icon=icon).control = control
+        recorded = live.state.name in ("ARMED", "RUNNING", "ENDED", "JUDGED")
         column = layout.column(align=True)
         row = column.row(align=True)
-        for control, text in (("NOTE", "Note"), ("VIDEO", "Video"), ("ABORT", "Abort")):
-            row.operator("r2sego.tell_session", text=text).control = control
+        for control, text, sense in (
+            ("NOTE", "Note", recorded),
+            ("VIDEO", "Video", recorded),
+            ("ABORT", "Abort", live.state.name in ("ARMED", "RUNNING")),
+        ):
+            _sensible(row, sense).operator("r2sego.tell_session", text=text).control = control
         row = column.row(align=True)
-        row.operator("r2sego.judge_trial", text="Judge")
+        _sensible(row, live.state.name == "JUDGED").operator("r2sego.judge_trial", text="Judge")
         row.operator("r2sego.tell_session", text="Stop", icon="PAUSE").control = "STOP"
+
+
+def _sensible(row, sense):
+    """A part of the row whose button is grey where the session would pass it over."""
+    part = row.row(align=True)
+    part.enabled = sense
+    return part
 
 
 class R2SEGO_PT_trial_counts(Sidebar, bpy.types.Panel):
