@@ -1,9 +1,11 @@
 """Streams of trials as a device would send them, made in the tests; and what can spoil any of them."""
 
 import dataclasses
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
+from r2sego_blender.trials.calibration.calibration import Calibration, ChannelCalibration, Point
 from r2sego_blender.trials.events import EventKind, TrialEvent
 from r2sego_blender.trials.stream import Channel, Flags, Stream
 
@@ -15,18 +17,11 @@ COUNTS_PER_N = 100
 CHANNELS = (Channel("tether", -(1 << 23), (1 << 23) - 1), Channel("seat", -(1 << 23), (1 << 23) - 1))
 
 
-class Scale:
-    """A calibration: so many counts a newton, so many days old."""
-
-    def __init__(self, days=1.0):
-        self.days = days
-
-    def newtons(self, raw):
-        return raw / COUNTS_PER_N
-
-    def age_days(self, now):
-        assert now == WALL_NS / 1e9
-        return self.days
+def calibration(days=1.0, channels=CHANNELS):
+    """So many counts a newton, taken so many days before the trials."""
+    points = (Point(0.0, 0.0, 0.0), Point(1000.0, 1000.0 * COUNTS_PER_N, 0.0))
+    taken = datetime.fromtimestamp(WALL_NS / 1e9, UTC) - timedelta(days=days)
+    return Calibration("cells", "1.0", taken, tuple(ChannelCalibration(channel, points) for channel in channels))
 
 
 def stream(seconds=10.0, rate_hz=200.0, loads=None, delay_us=500, seed=0):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Protocol
 
 import numpy as np
 
+from ..calibration.calibration import Calibration
 from ..events import EventKind, TrialEvent
 from ..outcome import Failure, Judgement, Outcome, Unusable
 from ..plan.rules import Rules
@@ -19,19 +19,7 @@ TETHER, SEAT = "tether", "seat"
 """What the names of channels begin with; several of one kind bear together."""
 
 
-class Calibrated(Protocol):
-    """What makes newtons of a device's counts."""
-
-    def newtons(self, raw: np.ndarray) -> np.ndarray:
-        """Loads (n, c) of counts (n, c)."""
-        ...
-
-    def age_days(self, now: float) -> float:
-        """How old it is at a time in seconds since 1970, UTC."""
-        ...
-
-
-def judge(stream: Stream, events: Sequence[TrialEvent], calibration: Calibrated | None, rules: Rules) -> Judgement:
+def judge(stream: Stream, events: Sequence[TrialEvent], calibration: Calibration | None, rules: Rules) -> Judgement:
     """Whether the robot sat down by itself: no intervention, no load on the tether, stable support long enough.
 
     Whether the recording can tell it comes first: one that cannot is unusable whatever it shows, and its reasons
@@ -41,10 +29,11 @@ def judge(stream: Stream, events: Sequence[TrialEvent], calibration: Calibrated 
     started = next((event for event in events if event.kind is EventKind.STARTED), None)
     ended = next((event for event in events if event.kind is EventKind.ENDED), None)
     if started is None or (ended is not None and ended.time_ns <= started.time_ns):
-        return Judgement(Outcome.UNUSABLE, ((Unusable.ABORTED, "never started"),), 0.0, math.nan)
+        lost = ((Unusable.DISCONNECTED, "line lost"),) if len(stream.lost_ns) else ()
+        return Judgement(Outcome.UNUSABLE, (*lost, (Unusable.ABORTED, "never started")), 0.0, math.nan)
     last_ns = int(stream.received_ns.max(initial=started.time_ns))
     ended_ns = last_ns if ended is None else ended.time_ns
-    unusable = [] if ended else [(Unusable.DISCONNECTED, "the record breaks off")]
+    unusable = [] if ended else [(Unusable.CUT_OFF, "the record breaks off")]
     aborted = [event for event in events if event.kind is EventKind.ABORTED and event.time_ns <= ended_ns]
     unusable += [(Unusable.ABORTED, event.text) for event in aborted]
     unusable += recording_problems(stream, started.time_ns, ended_ns, rules)
@@ -102,19 +91,19 @@ def _unsupported(support_s: float, complete_us: int | None, lasted_s: float, rul
 
 
 def _loads(
-    stream: Stream, within: np.ndarray, calibration: Calibrated | None, now_s: float, rules: Rules
+    stream: Stream, within: np.ndarray, calibration: Calibration | None, now_s: float, rules: Rules
 ) -> tuple[np.ndarray, np.ndarray, str]:
     """Newtons at the tether and on the seat, (n,) each, and why they cannot be trusted; NaN where nothing tells."""
     unknown = np.full(int(within.sum()), np.nan)
     if calibration is None:
         return unknown, unknown, "none"
-    age = calibration.age_days(now_s)
-    loads = np.asarray(calibration.newtons(stream.raw[within]), np.float64)
-    if loads.shape != (len(unknown), len(stream.channels)):
+    if tuple(one.channel for one in calibration.channels) != stream.channels:
         return unknown, unknown, "of other channels"
+    age = calibration.age_days(now_s)
+    loads = calibration.newtons(stream.raw[within])
     names = [channel.name for channel in stream.channels]
     tether, seat = (_together(loads, names, kind) for kind in (TETHER, SEAT))
-    if not 0.0 <= age <= rules.calibration_days:  # NaN is no age
+    if not 0.0 <= age <= rules.calibration_days:
         return tether, seat, f"{age:.1f} days old"
     if not (np.isfinite(tether).all() and np.isfinite(seat).all()):
         return tether, seat, f"it tells no load at {TETHER} and {SEAT}"

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from trials.streams import (
     BEGAN_NS,
-    Scale,
+    CHANNELS,
+    calibration,
     events,
     kept,
     sits,
@@ -31,8 +32,8 @@ from r2sego_blender.trials.stream import Flags
 RULES = Rules()
 
 
-def judged(one, told=None, calibration=None, rules=RULES):
-    return judge(one, told or events(), calibration or Scale(), rules)
+def judged(one, told=None, days=1.0, rules=RULES):
+    return judge(one, told or events(), calibration(days, one.channels), rules)
 
 
 def kinds(judgement):
@@ -123,14 +124,14 @@ def test_the_thump_of_sitting_down_is_not_part_of_the_support():
     ("told", "kind"),
     [
         ([], Unusable.ABORTED),
-        (events()[:1], Unusable.DISCONNECTED),
+        (events()[:1], Unusable.CUT_OFF),
         (events()[1:], Unusable.ABORTED),
         (events(10.0, (EventKind.ABORTED, 8.0)), Unusable.ABORTED),
         (events(20.0), Unusable.SILENCE),
     ],
 )
 def test_a_trial_without_its_whole_is_unusable(told, kind):
-    judgement = judge(stream(loads=sits(4.0)), told, Scale(), RULES)
+    judgement = judge(stream(loads=sits(4.0)), told, calibration(), RULES)
     assert judgement.outcome is Outcome.UNUSABLE and kind in kinds(judgement)
 
 
@@ -138,14 +139,14 @@ def test_calling_a_trial_off_after_its_end_changes_nothing():
     assert judged(stream(), events(10.0, (EventKind.ABORTED, 10.05))).outcome is Outcome.FAILURE
 
 
-class Other(Scale):
-    def newtons(self, raw):
-        return raw[:, :1] / 100.0
+OTHERS = (CHANNELS[:1], CHANNELS[::-1])
 
 
-@pytest.mark.parametrize("calibration", [None, Scale(30.001), Scale(-0.001), Scale(float("nan")), Other()])
-def test_without_a_calibration_of_today_nothing_is_judged(calibration):
-    judgement = judge(stream(loads=sits(4.0)), events(), calibration, RULES)
+@pytest.mark.parametrize(
+    "given_one", [None, calibration(30.001), calibration(-0.001), *(calibration(channels=other) for other in OTHERS)]
+)
+def test_without_a_calibration_of_these_days_nothing_is_judged(given_one):
+    judgement = judge(stream(loads=sits(4.0)), events(), given_one, RULES)
     assert judgement.outcome is Outcome.UNUSABLE and kinds(judgement)[0] is Unusable.CALIBRATION
 
 
@@ -226,7 +227,7 @@ def test_a_spoilt_recording_is_never_a_success(kind, at, much, which, rate_hz, s
     told = events(seconds)
     assert judged(good, told).outcome is Outcome.SUCCESS
     if kind is Unusable.CALIBRATION:
-        judgement = judged(good, told, Scale(30.0 + 1e-6 + 1000.0 * much))
+        judgement = judged(good, told, 30.0 + 1e-6 + 1000.0 * much)
     else:
         judgement = judged(SPOILT[kind](good, at, much, which), told)
     assert judgement.outcome is Outcome.UNUSABLE and kind in kinds(judgement)
@@ -263,5 +264,5 @@ def test_an_hour_later_by_the_clock_is_the_same_judgement():
     hour = 3600 * 10**9
     later = dataclasses.replace(one, received_ns=one.received_ns + hour)
     told = [dataclasses.replace(event, time_ns=event.time_ns + hour) for event in events()]
-    assert judge(later, told, Scale(), RULES) == judged(one)
+    assert judge(later, told, calibration(), RULES) == judged(one)
     assert BEGAN_NS + hour == told[0].time_ns
