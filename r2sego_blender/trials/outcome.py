@@ -36,6 +36,7 @@ class Unusable(Enum):
     SILENCE = "silence"
     DISCONNECTED = "line lost"
     CALIBRATION = "calibration out of date"
+    CUT_OFF = "recording cut off"
     ABORTED = "ended by the operator"
 
 
