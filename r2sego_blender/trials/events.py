@@ -24,6 +24,9 @@ class EventKind(Enum):
     ABORTED = "aborted"
     """The operator calls the trial off, whatever the robot did: unusable."""
 
+    VIDEO = "video"
+    """A camera shows this moment, as by a clap or a lamp; the words say which."""
+
     NOTE = "note"
     """The operator's words; they change no judgement."""
 

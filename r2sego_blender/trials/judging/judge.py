@@ -29,7 +29,8 @@ def judge(stream: Stream, events: Sequence[TrialEvent], calibration: Calibration
     started = next((event for event in events if event.kind is EventKind.STARTED), None)
     ended = next((event for event in events if event.kind is EventKind.ENDED), None)
     if started is None or (ended is not None and ended.time_ns <= started.time_ns):
-        return Judgement(Outcome.UNUSABLE, ((Unusable.ABORTED, "never started"),), 0.0, math.nan)
+        lost = ((Unusable.DISCONNECTED, "line lost"),) if len(stream.lost_ns) else ()
+        return Judgement(Outcome.UNUSABLE, (*lost, (Unusable.ABORTED, "never started")), 0.0, math.nan)
     last_ns = int(stream.received_ns.max(initial=started.time_ns))
     ended_ns = last_ns if ended is None else ended.time_ns
     unusable = [] if ended else [(Unusable.CUT_OFF, "the record breaks off")]

@@ -1,0 +1,32 @@
+"""What Blender remembers of trials: the study that is open, and the device that judges."""
+
+import bpy
+from bpy.props import BoolProperty, StringProperty
+
+from ...r2sego_blender.trials.running.live import Live
+from . import facts, session
+
+
+class R2SEGO_PG_trials(bpy.types.PropertyGroup):
+    """The room Trials."""
+
+    study: StringProperty(name="Study", description="The study's folder, NAME.trials", subtype="DIR_PATH")
+    device: StringProperty(
+        name="Device", description="Where the device is: /dev/ttyACM0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT"
+    )
+    calibration: StringProperty(
+        name="Calibration",
+        description="The device's calibration, as r2sego trials calibrate wrote it",
+        subtype="FILE_PATH",
+    )
+    simulated: BoolProperty(name="Simulated", description="A simulated device in place of a real one: nothing counts")
+
+    @property
+    def facts(self) -> facts.StudyFacts:
+        """What the study's folder held when it was read."""
+        return facts.of(self.id_data)
+
+    @property
+    def live(self) -> Live | None:
+        """The running session of this study, None where none is followed."""
+        return session.live_of(facts.study_path(self.id_data))
