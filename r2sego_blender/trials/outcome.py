@@ -22,7 +22,6 @@ class Failure(Enum):
     EMERGENCY_STOP = "emergency stop"
     NO_SUPPORT = "no stable support by the chair"
     TIMEOUT = "out of time"
-    OBSERVED = "seen by a person"
 
 
 class Unusable(Enum):
@@ -45,7 +44,7 @@ class Unusable(Enum):
 class Judgement:
     """An ``outcome`` with its ``reasons``, each a kind with what was measured, in words.
 
-    ``manual`` is whose judgement it is and why where a person gave it, else "". ``support_s`` is the longest stable
+    ``manual`` is whose judgement it is where a person gave it, else "". ``support_s`` is the longest stable
     support by the chair, ``highest_tether_n`` the most the tether bore, NaN where nothing measured them.
     """
 
