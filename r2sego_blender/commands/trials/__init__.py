@@ -8,7 +8,7 @@ from __future__ import annotations
 import click
 
 from ..options import Commands
-from . import run
+from . import line, run
 
 
 @click.group(cls=Commands)
@@ -16,7 +16,7 @@ def trials() -> None:
     """Trials on a real robot: a plan frozen beforehand, sensors that judge, raw data kept."""
 
 
-for command in run.COMMANDS:
+for command in (*run.COMMANDS, *line.COMMANDS):
     trials.add_command(command)
 
 COMMANDS = (trials,)
