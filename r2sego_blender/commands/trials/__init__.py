@@ -8,11 +8,16 @@ from __future__ import annotations
 import click
 
 from ..options import Commands
+from . import plan, tables
 
 
 @click.group(cls=Commands)
 def trials() -> None:
     """Trials on a real robot: a plan frozen beforehand, sensors that judge, raw data kept."""
 
+
+for _part in (plan, tables):
+    for _command in _part.COMMANDS:
+        trials.add_command(_command)
 
 COMMANDS = (trials,)
