@@ -16,7 +16,7 @@ class R2SEGO_PG_trials(bpy.types.PropertyGroup):
     )
     adapter: StringProperty(
         name="Kind",
-        description="What it is: stream (sends by itself, as the sketch), mark10 or mark10:CHANNEL (answers when asked)",
+        description="What it is: stream (sends by itself, as the sketch does), mark10 or mark10:CHANNEL (is asked)",
         default="stream",
     )
     baud: IntProperty(name="Baud", description="The line's rate; 0 is the usual one of its kind", default=0, min=0)
