@@ -94,33 +94,32 @@ class Calibration:
     def load(path: Path) -> Calibration:
         """Read a calibration. Raises TrialError: it is not there, damaged, or its points make no line."""
         with opened_json(path, TrialError, "this calibration cannot be read", _CURE) as record:
-            if record["format"] != _FORMAT:
-                raise ValueError("another format")
-            channels = record["channels"]
-            if not 1 <= len(channels) <= _MOST_CHANNELS or any(len(one["points"]) > _MOST_POINTS for one in channels):
-                raise ValueError("too much of it")
-            taken = datetime.fromisoformat(record["taken"])
-            if taken.tzinfo is None:
-                raise ValueError("a time without its zone")
-            return Calibration(
-                _word(record["device"]),
-                _word(record["firmware"]),
-                taken.astimezone(UTC),
-                tuple(_channel(one) for one in channels),
-            )
+            return Calibration.of_values(record)
 
-    def save(self, path: Path) -> None:
-        """Write it, whole or not at all."""
-        write_whole(path, self._text)
+    @staticmethod
+    def of_values(record: Any) -> Calibration:
+        """Of what a file holds, or a trial's record.
 
-    @property
-    def digest(self) -> str:
-        """SHA-256 of what the file holds."""
-        return hashlib.sha256(self._text.encode()).hexdigest()
+        Raises TrialError where its points make no line, LookupError, TypeError and ValueError for other damage.
+        """
+        if record["format"] != _FORMAT:
+            raise ValueError("another format")
+        channels = record["channels"]
+        if not 1 <= len(channels) <= _MOST_CHANNELS or any(len(one["points"]) > _MOST_POINTS for one in channels):
+            raise ValueError("too much of it")
+        taken = datetime.fromisoformat(record["taken"])
+        if taken.tzinfo is None:
+            raise ValueError("a time without its zone")
+        return Calibration(
+            _word(record["device"]),
+            _word(record["firmware"]),
+            taken.astimezone(UTC),
+            tuple(_channel(one) for one in channels),
+        )
 
-    @cached_property
-    def _text(self) -> str:
-        record = {
+    def to_values(self) -> dict[str, Any]:
+        """JSON values, of which ``of_values`` makes it again."""
+        return {
             "format": _FORMAT,
             "device": self.device,
             "firmware": self.firmware,
@@ -135,7 +134,19 @@ class Calibration:
                 for one in self.channels
             ],
         }
-        return json.dumps(record, indent=1) + "\n"
+
+    def save(self, path: Path) -> None:
+        """Write it, whole or not at all."""
+        write_whole(path, self._text)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of what the file holds."""
+        return hashlib.sha256(self._text.encode()).hexdigest()
+
+    @cached_property
+    def _text(self) -> str:
+        return json.dumps(self.to_values(), indent=1) + "\n"
 
     def newtons(self, raw: np.ndarray) -> np.ndarray:
         """Newtons (n, c) float64 of counts (n, c)."""

@@ -205,7 +205,7 @@ SPOILT = {
     Unusable.RESET: lambda one, at, much, which: with_time(one, "resets_ns", at),
     Unusable.DISCONNECTED: lambda one, at, much, which: with_time(one, "lost_ns", at),
     Unusable.CLOCK_DRIFT: lambda one, at, much, which: with_drift(one, (0.0102 + 0.2 * much) * (-1) ** which),
-    Unusable.SILENCE: lambda one, at, much, which: with_silence(one, at, 200.0 + 2000.0 * much),
+    Unusable.SILENCE: lambda one, at, much, which: with_silence(one, at, 200.1 + 2000.0 * much),
 }
 
 SHARE = st.floats(0.0, 1.0)
