@@ -186,7 +186,7 @@ class SimulatedDevice:
         """A new start of the device, with the script from its beginning."""
         self.unplug()
         self._starts += 1
-        arguments = [self._rate_hz, self._starts * 1000, self._speed, 0, *_cell_arguments()]
+        arguments = [self._rate_hz, self._starts * 1000, self._speed, 0, *cell_arguments()]
         self._process = self._end.start([*self._program, *map(str, arguments)])
         self._tell()
 
@@ -208,7 +208,8 @@ def device_program(language: str | None = None) -> list[str]:
     return [sys.executable, "-c", f"{IMPORT_LIBRARY}from {module} import main\nmain()\n"]
 
 
-def _cell_arguments() -> list[object]:
+def cell_arguments() -> list[object]:
+    """A simulated device's cells, as its program is told them."""
     return [word for name, cell in _CELLS.items() for word in (name, -_LIMIT, _LIMIT - 1, *cell)]
 
 

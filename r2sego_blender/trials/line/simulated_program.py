@@ -38,7 +38,9 @@ class _Random:
 
 
 @dataclass(frozen=True)
-class _Cell:
+class Cell:
+    """A load cell: its range and its counts without load, and a newton."""
+
     name: str
     lowest: int
     highest: int
@@ -47,7 +49,9 @@ class _Cell:
 
 
 @dataclass(frozen=True)
-class _Script:
+class ProgramScript:
+    """What the program plays, as one line of its input."""
+
     seed: int
     effect: str
     from_ms: int
@@ -55,7 +59,8 @@ class _Script:
     loads: tuple[tuple[tuple[int, int], ...], ...]
 
     @staticmethod
-    def parse(line: str, channels: int) -> _Script:
+    def parse(line: str, channels: int) -> ProgramScript:
+        """Of a line of the program's input."""
         seed, effect, from_ms, to_ms, *left = line.split()
         numbers = [int(one) for one in left]
         loads = []
@@ -63,7 +68,7 @@ class _Script:
             count, *numbers = numbers
             loads.append(tuple(zip(numbers[: 2 * count : 2], numbers[1 : 2 * count : 2], strict=True)))
             numbers = numbers[2 * count :]
-        return _Script(int(seed), effect, int(from_ms), int(to_ms), tuple(loads))
+        return ProgramScript(int(seed), effect, int(from_ms), int(to_ms), tuple(loads))
 
 
 def _load_at(loads: tuple[tuple[int, int], ...], ms: int) -> int:
@@ -75,15 +80,18 @@ def _load_at(loads: tuple[tuple[int, int], ...], ms: int) -> int:
     return loads[-1][1]
 
 
-class _Device:
-    def __init__(self, rate_hz: int, boot: int, cells: Sequence[_Cell]) -> None:
+class DeviceProgram:
+    """The device itself: ``play`` gives it a script from its start, ``step`` the bytes of one sample's time."""
+
+    def __init__(self, rate_hz: int, boot: int, cells: Sequence[Cell]) -> None:
         self._rate_hz, self._boot, self._cells = rate_hz, boot, cells
         self._channels = [(cell.name, cell.lowest, cell.highest) for cell in cells]
         self._tick = self._begun = self._clock = 0
         self._first_us, self._sequence = _FIRST_US, _FIRST_SEQUENCE
         self._hello_due = True
 
-    def play(self, script: _Script) -> None:
+    def play(self, script: ProgramScript) -> None:
+        """Go on with a script, from its start."""
         self._script, self._begun, self._was_reset = script, self._tick, False
         self._noise, self._damage = _Random(script.seed), _Random(script.seed + 1)
 
@@ -137,18 +145,23 @@ def _put(data: bytes) -> None:
             return
 
 
+def cells_of(words: Sequence[object]) -> list[Cell]:
+    """The cells of the program's arguments."""
+    given = list(map(str, words))
+    return [Cell(given[at], *map(int, given[at + 1 : at + 5])) for at in range(0, len(given), 5)]
+
+
 def main() -> None:
     """Run the device that the arguments describe."""
     rate_hz, boot, speed, ticks = int(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3]), int(sys.argv[4])
-    given = sys.argv[5:]
-    cells = [_Cell(given[at], *map(int, given[at + 1 : at + 5])) for at in range(0, len(given), 5)]
-    device = _Device(rate_hz, boot, cells)
-    device.play(_Script.parse(sys.stdin.readline(), len(cells)))
-    scripts: list[_Script] = []
+    cells = cells_of(sys.argv[5:])
+    device = DeviceProgram(rate_hz, boot, cells)
+    device.play(ProgramScript.parse(sys.stdin.readline(), len(cells)))
+    scripts: list[ProgramScript] = []
 
     def listen() -> None:
         for line in sys.stdin:
-            scripts.append(_Script.parse(line, len(cells)))
+            scripts.append(ProgramScript.parse(line, len(cells)))
         os._exit(0)
 
     if not ticks:

@@ -16,6 +16,7 @@ from typing import Any
 
 import mcap.writer
 
+from ..line.decoding import Sample
 from ..outcome import Judgement
 from .judgement_values import judgement_values
 
@@ -26,6 +27,7 @@ RECEIVED, SAMPLES, HELLO, EVENTS, LOST, JUDGEMENT = "received", "samples", "hell
 METADATA = "trial"
 
 _PIECE_BYTES = CHUNK_BYTES // 4  # a message, with which a chunk grows beyond where it is closed
+_PIECE_SAMPLES = 32  # of 8 channels: 4 kB
 _WHOLE: Mapping[str, Any] = {"type": "integer"}
 _LIST = {"type": "array", "items": _WHOLE}
 _SCHEMAS: Mapping[str, Mapping[str, Any]] = {
@@ -71,23 +73,15 @@ class RecordWriter:
         for begin in range(0, len(data), _PIECE_BYTES):
             self._add(RECEIVED, data[begin : begin + _PIECE_BYTES], received_ns, wall_ns)
 
-    def samples(
-        self,
-        sequence: Sequence[int],
-        device_us: Sequence[int],
-        raw: Sequence[Sequence[int]],
-        flags: Sequence[int],
-        received_ns: int,
-        wall_ns: int,
-    ) -> None:
+    def samples(self, samples: Sequence[Sample], received_ns: int, wall_ns: int) -> None:
         """What was decoded of them, as the device sent it."""
-        for begin in range(0, len(sequence), 32):  # of 8 channels: 3.5 kB
-            piece = slice(begin, begin + 32)
+        for begin in range(0, len(samples), _PIECE_SAMPLES):
+            piece = samples[begin : begin + _PIECE_SAMPLES]
             values = {
-                "sequence": sequence[piece],
-                "device_us": device_us[piece],
-                "raw": raw[piece],
-                "flags": flags[piece],
+                "sequence": [one.sequence for one in piece],
+                "device_us": [one.device_us for one in piece],
+                "raw": [one.raw for one in piece],
+                "flags": [one.flags for one in piece],
             }
             self._add(SAMPLES, json.dumps(values, separators=(",", ":")).encode(), received_ns, wall_ns)
 

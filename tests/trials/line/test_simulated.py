@@ -10,7 +10,7 @@ from r2sego_blender.trials.line.decoding import Damaged, Decoder, Sample, Stream
 from r2sego_blender.trials.line.device import LineLost, open_device
 from r2sego_blender.trials.line.simulated import (
     SCRIPTS,
-    _cell_arguments,
+    cell_arguments,
     device_program,
     script_named,
     simulated_calibration,
@@ -22,7 +22,7 @@ RATE = 200
 
 
 def sent(script, language, seed=5, seconds=7, rate=RATE):
-    command = [*device_program(language), *map(str, [rate, 1000, 1, seconds * rate, *_cell_arguments()])]
+    command = [*device_program(language), *map(str, [rate, 1000, 1, seconds * rate, *cell_arguments()])]
     return subprocess.run(
         command, input=script_named(script).line(seed).encode(), capture_output=True, check=True
     ).stdout

@@ -12,6 +12,7 @@ from mcap.stream_reader import StreamReader
 
 from r2sego_blender.core.errors import TrialError
 from r2sego_blender.trials.events import EventKind, TrialEvent
+from r2sego_blender.trials.line.decoding import Sample
 from r2sego_blender.trials.outcome import Failure, Judgement, Outcome
 from r2sego_blender.trials.records.reading import read_record
 from r2sego_blender.trials.records.writing import CHUNK_BYTES, EVENTS, LOST, RecordWriter
@@ -100,8 +101,7 @@ def received_in(chunk):
 def test_no_chunk_has_more_than_sixteen_kibibytes(tmp_path):
     writer = written(tmp_path / "a.mcap", [b"x" * size for size in (1, 500, 4096, 10_000, 100_000)] * 5)
     for _ in range(100):
-        raw = [[-(2**31)] * 8] * 100
-        writer.samples([65535] * 100, [2**32 - 1] * 100, raw, [255] * 100, 10**9, WALL_NS)
+        writer.samples([Sample(65535, 2**32 - 1, (-(2**31),) * 8, 255, 0)] * 100, 10**9, WALL_NS)
     writer.close()
     with (tmp_path / "a.mcap").open("rb") as stream:
         chunks = [one for one in StreamReader(stream, emit_chunks=True).records if isinstance(one, Chunk)]
@@ -111,7 +111,7 @@ def test_no_chunk_has_more_than_sixteen_kibibytes(tmp_path):
 def test_other_programs_read_a_finished_record(tmp_path):
     """By its index, with schemas for what is JSON."""
     writer = written(tmp_path / "a.mcap", [b"abc"], judgement=FAILED)
-    writer.samples([1, 2], [1000, 2000], [[5, 6], [7, 8]], [0, 0], 10, WALL_NS)
+    writer.samples([Sample(1, 1000, (5, 6), 0, 10), Sample(2, 2000, (7, 8), 0, 10)], 10, WALL_NS)
     writer.close()
     with (tmp_path / "a.mcap").open("rb") as stream:
         found = {channel.topic: message for _, channel, message in make_reader(stream).iter_messages()}
