@@ -22,9 +22,9 @@ _BUTTONS = {
 
 
 def told_pose(pose):
-    """A pose in words: metres, and degrees."""
-    x, y, turn = pose
-    return f"{x:.2f}, {y:.2f} m, {math.degrees(turn):.0f}\N{DEGREE SIGN}"
+    """A pose in words."""
+    x, y, heading_deg = pose
+    return f"{x:.2f}, {y:.2f} m, {heading_deg:.0f}\N{DEGREE SIGN}"
 
 
 class R2SEGO_PT_trials(Step, bpy.types.Panel):

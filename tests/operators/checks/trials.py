@@ -175,7 +175,7 @@ def check_a_session_is_followed_ten_times_a_second_and_its_poses_move_on():
     assert told == [
         {"control": "note", "text": "a clap"},
         {"control": "arm"},
-        {"control": "judge", "outcome": "FAILURE", "by": "A. B.", "text": "slid off"},
+        {"control": "judge", "outcome": "failure", "by": "A. B.", "text": "slid off"},
     ]
     bpy.ops.r2sego.cancel()
     followed_to_its_end()
