@@ -1,5 +1,4 @@
-"""From counts to newtons: zero and span of each load cell with known weights, and the test before a session.
+"""From counts to newtons: zero and span of each load cell with known weights, and the file that keeps them.
 
-Uses ``trials/stream`` and ``core``. Begin with ``calibration``; ``self_test`` says whether a device at
-rest behaves as it was calibrated.
+Uses ``trials/stream`` and ``core``. Begin with ``calibration``.
 """

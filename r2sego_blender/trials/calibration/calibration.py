@@ -164,9 +164,13 @@ class Calibration:
         """Days from when it was taken to ``now``, in seconds since 1970."""
         return (now - self.taken.timestamp()) / 86400.0
 
+    def is_of(self, hello: Hello) -> bool:
+        """Whether it is of the device that says ``hello``, with the channels that it has now."""
+        return (hello.device, hello.channels) == (self.device, tuple(one.channel for one in self.channels))
+
     def check_device(self, hello: Hello) -> None:
         """Raises TrialError where it is of another device than the one that says ``hello``."""
-        if (hello.device, hello.channels) != (self.device, tuple(one.channel for one in self.channels)):
+        if not self.is_of(hello):
             raise TrialError(
                 f"this calibration is of {self.device}, not of {hello.device} as it is now",
                 cure="Give the calibration of this device and these channels, or calibrate it.",

@@ -122,6 +122,12 @@ class StreamBuilder:
         """The last sample, as it was sent."""
         return self._last
 
+    @property
+    def lasts_us(self) -> int:
+        """From the first sample to the last, by the device's clock."""
+        times = self._columns[1]
+        return times[-1] - times[0] if times else 0
+
     def add(self, messages: Iterable[Message], received_ns: int) -> None:
         """Add what a decoder gave of bytes that were read then, on the host's monotonic clock."""
         for message in messages:

@@ -80,7 +80,8 @@ class Session:
     def run(self) -> None:
         """Run trials until each has a usable recording, or until the operator stops.
 
-        Raises TrialError, as where simulated trials and real ones would stand in one study, and OSError. Whatever ends it, records stay readable, and the next session goes on behind them.
+        Raises TrialError, as where simulated trials and real ones would stand in one study, and OSError.
+        Whatever ends it, records stay readable, and the next session goes on behind them.
         """
         with alone(self._folder):
             try:
