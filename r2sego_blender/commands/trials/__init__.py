@@ -16,8 +16,7 @@ def trials() -> None:
     """Trials on a real robot: a plan frozen beforehand, sensors that judge, raw data kept."""
 
 
-for _part in (plan, run, tables):
-    for _command in _part.COMMANDS:
-        trials.add_command(_command)
+for _command in (*plan.COMMANDS, *run.COMMANDS, *tables.COMMANDS):
+    trials.add_command(_command)
 
 COMMANDS = (trials,)

@@ -22,12 +22,13 @@ def tables(study: Path, folder: Path | None, output: Output) -> None:
     from ...trials.tables.counts import Results
     from ...trials.tables.writing import TABLES, write_tables
 
-    table, files = write_tables(Results.of(study), folder or study / TABLES)
+    results = Results.of(study)
+    table, files = write_tables(results, folder or study / TABLES)
     names = [str(file) for file in files]
     told = {
         "files": names,
         "complete": table.complete,
-        "simulated": table.simulated,
+        "simulated": results.simulated,
         "pooled": {row.condition: [*row.pooled] for row in table.rows},
         "real_percent": {row.condition: row.real.texts if row.real else None for row in table.rows},
         "sim_percent": {row.condition: row.simulated.texts if row.simulated else None for row in table.rows},

@@ -157,7 +157,7 @@ class TrialPlan(_PlanFile):
         file = study / PLAN
         written = _bytes_of(file)
         digest = hashlib.sha256(written).hexdigest()
-        if _frozen_digest(study / FROZEN) != digest:
+        if _bytes_of(study / FROZEN).split() != [digest.encode(), PLAN.encode()]:
             raise _changed(file, f"its SHA-256 is not the one in {FROZEN}")
         if (study / BEGUN).exists() and (begun := _begun_digest(study / BEGUN)) != digest:
             raise _changed(file, f"trials began with the plan {begun[:12]}")
@@ -224,10 +224,6 @@ def _bytes_of(file: Path) -> bytes:
         raise may_not_be_read(file, TrialError) from error
     except (OSError, ValueError) as error:
         raise TrialError("there is no plan of trials here", where=file, cure=_MAKE) from error
-
-
-def _frozen_digest(file: Path) -> str:
-    return _bytes_of(file)[:64].decode("ascii", "replace")
 
 
 def _begun_digest(file: Path) -> str:

@@ -135,6 +135,12 @@ def test_a_trial_without_its_whole_is_unusable(told, kind):
     assert judgement.outcome is Outcome.UNUSABLE and kind in kinds(judgement)
 
 
+def test_a_device_that_is_silent_as_the_trial_begins_is_unusable():
+    told = [dataclasses.replace(event, time_ns=event.time_ns - 10**9 * (at == 0)) for at, event in enumerate(events())]
+    judgement = judged(stream(loads=sits(4.0)), told)
+    assert judgement.outcome is Outcome.UNUSABLE and kinds(judgement) == [Unusable.SILENCE]
+
+
 def test_calling_a_trial_off_after_its_end_changes_nothing():
     assert judged(stream(), events(10.0, (EventKind.ABORTED, 10.05))).outcome is Outcome.FAILURE
 
