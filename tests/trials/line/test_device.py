@@ -71,9 +71,9 @@ def all_of(device, timeout_s=2.0):
     ids=lambda error: type(error).__name__,
 )
 def test_whatever_a_port_raises_is_a_lost_line_after_all_that_came_before(error):
-    port = Port(LINES, error)
+    port = Port(LINES[:9], error)
     with Device(port, "port", AsciiStream()) as device:
-        assert b"".join(device.read(2.0).data for _ in LINES) == b"".join(LINES)
+        assert [device.read(2.0).data for _ in range(9)] == LINES[:9]
         for _ in range(3):  # each time from then on
             with pytest.raises(LineLost, match="port"):
                 device.read(2.0)
