@@ -14,7 +14,7 @@ from r2sego_blender.core.errors import TrialError
 from r2sego_blender.trials.plan.declaration import Declaration
 from r2sego_blender.trials.plan.rules import Rules
 from r2sego_blender.trials.plan.study import begin_study, end_study, freeze_plan, state_of
-from r2sego_blender.trials.plan.trial_plan import TrialPlan
+from r2sego_blender.trials.plan.trial_plan import TrialPlan, plan_bytes
 from r2sego_blender.trials.records.index import RecordIndex
 
 
@@ -152,6 +152,26 @@ def test_that_a_plan_began_cannot_be_taken_back(tmp_path):
         TrialPlan.load(study)
     with pytest.raises(TrialError):
         freeze_plan(declared(tmp_path, "seed = 1"))
+
+
+@pytest.mark.parametrize("link", ["tables", "records", ".unfinished-plan.json", "plan.html"])
+def test_a_link_out_of_a_study_is_refused(tmp_path, link):
+    plan, study = freeze_plan(declared(tmp_path))
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    (study / link).symlink_to(outside)
+    for attempt in (
+        lambda: TrialPlan.load(study),
+        lambda: freeze_plan(declared(tmp_path)),
+        lambda: begin_study(study, plan),
+    ):
+        with pytest.raises(TrialError):
+            attempt()
+    assert [*outside.iterdir()] == [] and not (study / "begun.json").exists()
+
+
+def test_a_plan_is_written_as_it_is_read(study):
+    assert plan_bytes(TrialPlan.load(study)) == (study / "plan.json").read_bytes()
 
 
 def test_a_study_is_ended_once_and_with_a_reason(study):
