@@ -13,6 +13,7 @@ from ...core.errors import TrialError
 from ...core.json_files import opened_json
 from ...core.printable import printable
 from ...core.text_files import read_text
+from ..records.index import RecordIndex
 from .declaration import Declaration
 from .drawing import drawn_plan
 from .trial_plan import BEGUN, ENDED, FROZEN, PLAN, SUFFIX, TrialPlan, plan_bytes
@@ -38,7 +39,7 @@ def freeze_plan(declaration: str | Path, study_folder: str | Path | None = None)
     file = Path(declaration)
     study = Path(study_folder) if study_folder else file.with_suffix(SUFFIX)
     declared = Declaration.load(file)
-    if (study / BEGUN).exists():
+    if (study / BEGUN).exists() or RecordIndex(study).file.exists():
         cure = "End it with a reason (r2sego trials end) and plan a new study in another folder."
         raise TrialError("the plan of this study has begun", where=study, cure=cure)
     plan = drawn_plan(declared, file)

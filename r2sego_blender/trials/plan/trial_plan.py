@@ -16,6 +16,7 @@ from ...core.errors import TrialError, may_not_be_read
 from ...core.json_files import parse_json
 from ...core.printable import printable
 from ...core.text_files import read_bytes
+from ..records.index import RecordIndex
 from .rules import Rules
 
 PLAN, FROZEN, BEGUN, ENDED = "plan.json", "plan.sha256", "begun.json", "ended.json"
@@ -161,6 +162,8 @@ class TrialPlan(_PlanFile):
             raise _changed(file, f"its SHA-256 is not the one in {FROZEN}")
         if (study / BEGUN).exists() and (begun := _begun_digest(study / BEGUN)) != digest:
             raise _changed(file, f"trials began with the plan {begun[:12]}")
+        if not (study / BEGUN).exists() and RecordIndex(study).file.exists():
+            raise _changed(study / BEGUN, "it is gone, and records are there")
         return parsed_plan(written, file)
 
 

@@ -15,6 +15,7 @@ from r2sego_blender.trials.plan.declaration import Declaration
 from r2sego_blender.trials.plan.rules import Rules
 from r2sego_blender.trials.plan.study import begin_study, end_study, freeze_plan, state_of
 from r2sego_blender.trials.plan.trial_plan import TrialPlan
+from r2sego_blender.trials.records.index import RecordIndex
 
 
 @pytest.fixture
@@ -140,6 +141,17 @@ def test_another_plan_does_not_take_the_place_of_one_that_began(tmp_path):
     with pytest.raises(TrialError):
         TrialPlan.load(study)
     assert other.digest != second.digest
+
+
+def test_that_a_plan_began_cannot_be_taken_back(tmp_path):
+    plan, study = freeze_plan(declared(tmp_path))
+    begin_study(study, plan)
+    RecordIndex(study).begin(0, plan.digest, True, False)
+    (study / "begun.json").unlink()
+    with pytest.raises(TrialError):
+        TrialPlan.load(study)
+    with pytest.raises(TrialError):
+        freeze_plan(declared(tmp_path, "seed = 1"))
 
 
 def test_a_study_is_ended_once_and_with_a_reason(study):

@@ -1,4 +1,4 @@
-"""What a study of trials holds: what a person declared, its frozen plan, and how it began and ended."""
+"""What a study of trials holds, the calibration of its device, and what the device sends."""
 
 from __future__ import annotations
 
@@ -72,7 +72,55 @@ def _read_state(folder: Path) -> Any:
     return state_of(folder / "a.trials")
 
 
+def _calibration(folder: Path) -> None:
+    from r2sego_blender.trials.line.simulated import simulated_calibration
+
+    simulated_calibration().save(folder / "cells.json")
+
+
+def _read_calibration(folder: Path) -> Any:
+    import numpy as np
+
+    from r2sego_blender.trials.calibration.calibration import Calibration
+
+    read = Calibration.load(folder / "cells.json")
+    lines = [(one.zero, one.counts_per_newton, one.residuals_n) for one in read.channels]
+    raw = np.array([[-(1 << 31)] * len(lines), [(1 << 31) - 1] * len(lines)])
+    return read, read.newtons(raw), read.digest, read.age_days(0.0), lines
+
+
+def _line(folder: Path) -> None:
+    from r2sego_blender.trials.line.framing import hello_line, sample_line
+
+    sent = [hello_line("cells-1", "1.0", 7, 80, [("tether", -8388608, 8388607), ("seat", 0, 4095)])]
+    sent += [sample_line(65530 + n, 4294960000 + 12500 * n, [84210 + n, n], n % 8) for n in range(6)]
+    (folder / "a.line").write_bytes(b"".join(sent))
+
+
+def _read_line(folder: Path) -> Any:
+    from r2sego_blender.trials.line.decoding import Decoder, StreamBuilder
+    from r2sego_blender.trials.stream import Hello
+
+    found = Decoder().feed((folder / "a.line").read_bytes(), 1)
+    builder = StreamBuilder(next((one for one in found if isinstance(one, Hello)), Hello(1, "", "", 0, 1.0, ())))
+    builder.add(found, 1)
+    return found, builder.stream()
+
+
+def _gauge(folder: Path) -> None:
+    (folder / "a.line").write_bytes(b"-18.78 lbF\r\n 0.250 kN\r\n+ 12 N\r\n1500.5 mN\r\n")
+
+
+def _read_gauge(folder: Path) -> Any:
+    from r2sego_blender.trials.line.adapters import Mark10
+
+    return Mark10().decoder().feed((folder / "a.line").read_bytes(), 1)
+
+
 HARNESSES = (
+    Harness("trials/calibration.json", _calibration, "cells.json", "json", _read_calibration),
+    Harness("trials/line", _line, "a.line", "header", _read_line),
+    Harness("trials/gauge", _gauge, "a.line", "header", _read_gauge),
     Harness("trials/declaration.toml", _declared, "a.toml", "toml", _read_declaration),
     Harness("trials/plan.json", _study, "a.trials/plan.json", "json", _read_plan),
     Harness("trials/plan.sha256", _study, "a.trials/plan.sha256", "text", _read_frozen),
