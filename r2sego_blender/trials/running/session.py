@@ -10,6 +10,7 @@ from typing import Protocol
 from ...core.errors import TrialError
 from ..calibration.calibration import Calibration
 from ..line.decoding import Sample
+from ..line.self_test import SelfTest
 from ..line.simulated import DEVICE
 from ..outcome import Judgement, Outcome
 from ..plan.next_trial import is_tethered, next_trial
@@ -97,7 +98,7 @@ class Session:
 
     def _is_set_up(self, planned: PlannedTrial) -> bool:
         """Wait for the device, test it, have the poses set up; whether the trial may be recorded now."""
-        return self._wait(planned) and self._set_up(planned)
+        return self._wait(planned) and self._test(planned) and self._set_up(planned)
 
     def _wait(self, planned: PlannedTrial) -> bool:
         while self._connection.hello is None and not self._stopping:
@@ -115,6 +116,27 @@ class Session:
         """Whether the device says that it is none."""
         hello = self._connection.hello
         return hello is not None and hello.device == DEVICE
+
+    def _test(self, planned: PlannedTrial) -> bool:
+        """The device's self-test, once after each time that it was plugged in."""
+        while not self._tested and not self._stopping:
+            assert self._connection.hello is not None
+            test = SelfTest(self._connection.hello, self._calibration)
+            while not test.complete:
+                heard, _ = self._tick(planned, State.SELF_TEST, "Leave the tether slack and the chair empty.")
+                if heard.lost or self._stopping:
+                    return False
+                test.add([message for message in heard.messages if isinstance(message, Sample)])
+            self._reasons = test.problems
+            self._tested = not test.problems
+            again = self._tested
+            while not again and not self._stopping:
+                words = f"The self-test failed: {'; '.join(test.problems)}. Mend it, then go on to the next test."
+                heard, acts = self._tick(planned, State.SELF_TEST, words)
+                if heard.lost:
+                    return False
+                again = any(told.control is Control.NEXT for told in acts)
+        return not self._stopping
 
     def _set_up(self, planned: PlannedTrial) -> bool:
         tether = "on" if self._is_tethered(planned) else "off"
