@@ -27,7 +27,7 @@ from .live import Counts, Live, Pose, State
 from .monitor import Monitor
 from .trial import Trial
 
-TICK_S = 0.02
+TICK_S = 0.04
 """How often a session looks at its line and its operator."""
 
 _WORDS = {
