@@ -22,9 +22,9 @@ _BUTTONS = {
 
 
 def told_pose(pose):
-    """A pose in words: metres, and degrees."""
-    x, y, turn = pose
-    return f"{x:.2f}, {y:.2f} m, {math.degrees(turn):.0f}\N{DEGREE SIGN}"
+    """A pose in words."""
+    x, y, heading_deg = pose
+    return f"{x:.2f}, {y:.2f} m, {heading_deg:.0f}\N{DEGREE SIGN}"
 
 
 class R2SEGO_PT_trials(Step, bpy.types.Panel):
@@ -73,8 +73,8 @@ class R2SEGO_PT_trials(Step, bpy.types.Panel):
         column.use_property_decorate = False
         column.prop(group, "simulated")
         if not group.simulated:
-            column.prop(group, "device")
-            column.prop(group, "calibration")
+            for name in ("device", "adapter", "baud", "calibration"):
+                column.prop(group, name)
         row = layout.row(align=True)
         row.scale_y = 1.2
         row.operator("r2sego.run_trials", text="Run", icon="PLAY")

@@ -1,7 +1,7 @@
 """What Blender remembers of trials: the study that is open, and the device that judges."""
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import BoolProperty, IntProperty, StringProperty
 
 from ...r2sego_blender.trials.running.live import Live
 from . import facts, session
@@ -14,6 +14,12 @@ class R2SEGO_PG_trials(bpy.types.PropertyGroup):
     device: StringProperty(
         name="Device", description="Where the device is: /dev/ttyACM0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT"
     )
+    adapter: StringProperty(
+        name="Kind",
+        description="What it is: stream (sends by itself, as the sketch does), mark10 or mark10:CHANNEL (is asked)",
+        default="stream",
+    )
+    baud: IntProperty(name="Baud", description="The line's rate; 0 is the usual one of its kind", default=0, min=0)
     calibration: StringProperty(
         name="Calibration",
         description="The device's calibration, as r2sego trials calibrate wrote it",

@@ -42,7 +42,9 @@ class R2SEGO_OT_run_trials(EngineOperator, bpy.types.Operator):
             return [*command, "--simulated"]
         if not group.calibration:
             raise TrialError("no calibration is chosen", cure="Choose the file that r2sego trials calibrate wrote.")
-        return [*command, "--device", group.device, "--calibration", bpy.path.abspath(group.calibration)]
+        command += ["--device", group.device, "--calibration", bpy.path.abspath(group.calibration)]
+        command += ["--adapter", group.adapter]
+        return [*command, "--baud", str(group.baud)] if group.baud else command
 
     def finish(self, context, result):
         facts.read(self.study)

@@ -9,6 +9,7 @@ import bpy
 from ...r2sego_blender.bridge.trials.show_poses import move_poses
 from ...r2sego_blender.core.errors import TrialError
 from ...r2sego_blender.trials.running.live import Live
+from ...r2sego_blender.trials.running.session_lock import is_run
 from ...r2sego_blender.workers.jobs import Job
 from .. import job
 from . import facts
@@ -52,5 +53,5 @@ def trial_name(index: int) -> str:
 def require_session(study: str) -> None:
     """Raise TrialError unless a session of the study runs, here or elsewhere on this machine: what nobody
     reads is lost."""
-    if live_of(study) is None:
+    if live_of(study) is None and not is_run(Path(study)):
         raise TrialError("no session runs", where=study, cure="Start one with Run, or in a terminal.")

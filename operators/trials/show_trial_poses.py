@@ -1,6 +1,5 @@
 """Show where robot and chair stand for a trial."""
 
-import math
 from pathlib import Path
 
 import bpy
@@ -47,7 +46,7 @@ def show_trial(scene: bpy.types.Scene, study: str, trial: PlannedTrial) -> list[
 
 def as_pose(planned: FloorPose) -> Pose:
     """A planned pose, as a session tells it."""
-    return planned.x_m, planned.y_m, math.radians(planned.heading_deg)
+    return planned.x_m, planned.y_m, planned.heading_deg
 
 
 def _chosen(study: str, read: facts.StudyFacts, number: int) -> PlannedTrial:

@@ -6,6 +6,7 @@ import bpy
 from bpy.props import EnumProperty, StringProperty
 
 from ...r2sego_blender.core.errors import TrialError
+from ...r2sego_blender.trials.outcome import Outcome
 from ...r2sego_blender.trials.running.controls import Control, send
 from ..base import ReportingOperator, description_of_choice
 from . import facts
@@ -96,6 +97,6 @@ class R2SEGO_OT_judge_trial(ReportingOperator, bpy.types.Operator):
     def perform(self, context):
         if not (self.by.strip() and self.text.strip()):
             raise TrialError("a judgement by hand names who judges, and why", cure="Give both.")
-        told = {"outcome": self.outcome, "by": self.by.strip(), "text": self.text.strip()}
+        told = {"outcome": Outcome[self.outcome].value, "by": self.by.strip(), "text": self.text.strip()}
         _tell(context, Control.JUDGE, **told)
         return f"Judged by {self.by.strip()}: {self.outcome.lower()}"

@@ -22,6 +22,7 @@ class Failure(Enum):
     EMERGENCY_STOP = "emergency stop"
     NO_SUPPORT = "no stable support by the chair"
     TIMEOUT = "out of time"
+    OBSERVED = "seen by a person"
 
 
 class Unusable(Enum):

@@ -20,10 +20,10 @@ def _points(shown):
     return np.array([place[:2] for place in places])
 
 
-@pytest.mark.parametrize("turn", [0.0, math.pi / 2, -2.5])
+@pytest.mark.parametrize("turn", [0.0, 90.0, -143.0])
 def test_outlines_reach_farthest_the_way_they_face(scene, tmp_path, turn):
     robot, chair = show_poses(scene, tmp_path / "a.trials", "trial 3", (1.5, -0.5, turn), (0.2, 0.4, turn), "Stool")
-    forward = np.array([math.cos(turn), math.sin(turn)])
+    forward = np.array([math.cos(math.radians(turn)), math.sin(math.radians(turn))])
     for shown, centre in ((robot, (1.5, -0.5)), (chair, (0.2, 0.4))):
         ways = _points(shown) - centre
         farthest = ways[np.linalg.norm(ways, axis=1).argmax()]
@@ -37,7 +37,7 @@ def test_the_next_trial_takes_the_place_of_the_one_before(scene, tmp_path):
     study = tmp_path / "a.trials"
     assert move_poses(scene, study, "trial 1", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), "Chair") == []
     for trial, way in (("trial 1", show_poses), ("trial 2", show_poses), ("trial 3", move_poses)):
-        robot, chair = way(scene, study, trial, (0.0, 0.0, 0.0), (1.0, 0.5, math.pi), "Chair")
+        robot, chair = way(scene, study, trial, (0.0, 0.0, 0.0), (1.0, 0.5, 180.0), "Chair")
         assert sorted(one.name for one in bpy.data.objects) == [f"Chair, {trial}", f"Robot, {trial}"]
     assert len(bpy.data.curves) == 2
     assert tuple(chair.location) == (1.0, 0.5, 0.0) and tuple(robot.location) == (0.0, 0.0, 0.0)

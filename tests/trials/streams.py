@@ -105,6 +105,21 @@ def with_drift(one, share):
     return dataclasses.replace(one, device_us=one.device_us[0] + np.round(since * (1.0 + share)).astype(np.int64))
 
 
+def with_passing_drift(one, from_s, seconds, share):
+    """The device's clock runs faster for some seconds only, and right before and after."""
+    since = (one.device_us - one.device_us[0]) / 1e6
+    ahead = share * np.clip(since - from_s, 0.0, seconds)
+    return dataclasses.replace(one, device_us=one.device_us + np.round(ahead * 1e6).astype(np.int64))
+
+
+def with_stall(one, at, ms):
+    """For a while the host reads nothing, then all at once."""
+    first = int(at * (len(one.received_ns) - 2))
+    until = one.received_ns[first] + round(ms * 1e6)
+    stalled = (np.arange(len(one.received_ns)) > first) & (one.received_ns < until)
+    return dataclasses.replace(one, received_ns=np.where(stalled, until, one.received_ns))
+
+
 def with_silence(one, at, ms):
     """All that is received after a moment comes later."""
     first = int(at * (len(one.received_ns) - 2))

@@ -79,9 +79,9 @@ def move_poses(
     shown = [one for one in collection.objects if _WHICH in one] if collection is not None else []
     for drawn in shown:
         is_robot = drawn[_WHICH] == "robot"
-        x, y, turn = robot if is_robot else chair
+        x, y, heading_deg = robot if is_robot else chair
         drawn.name = f"{'Robot' if is_robot else chair_type}, {trial}"
-        drawn.location, drawn.rotation_euler = (x, y, 0.0), (0.0, 0.0, turn)
+        drawn.location, drawn.rotation_euler = (x, y, 0.0), (0.0, 0.0, math.radians(heading_deg))
     return shown
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import click
 
 from ..options import Commands
-from . import run
+from . import line, plan, run, tables
 
 
 @click.group(cls=Commands)
@@ -16,7 +16,7 @@ def trials() -> None:
     """Trials on a real robot: a plan frozen beforehand, sensors that judge, raw data kept."""
 
 
-for command in run.COMMANDS:
-    trials.add_command(command)
+for _command in (*line.COMMANDS, *plan.COMMANDS, *run.COMMANDS, *tables.COMMANDS):
+    trials.add_command(_command)
 
 COMMANDS = (trials,)

@@ -94,7 +94,10 @@ class Calibration:
     def load(path: Path) -> Calibration:
         """Read a calibration. Raises TrialError: it is not there, damaged, or its points make no line."""
         with opened_json(path, TrialError, "this calibration cannot be read", _CURE) as record:
-            return Calibration.of_values(record)
+            try:
+                return Calibration.of_values(record)
+            except TrialError as error:
+                raise TrialError(error.what, where=path, cure=error.cure) from error
 
     @staticmethod
     def of_values(record: Any) -> Calibration:

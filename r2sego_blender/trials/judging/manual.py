@@ -14,8 +14,8 @@ _MOST_BY, _MOST_TEXT = 100, 500
 def manual_judgement(judgement: Judgement, outcome: str, by: str, text: str = "") -> Judgement:
     """What ``by`` says a trial ended in, "success", "failure" or "unusable", in place of ``judgement``.
 
-    What was measured stays. Of a failure the sensors' reasons stay too, else it is that the chair bore nothing; why a
-    recording is unusable stays whatever is said. Raises TrialError: nobody says it, it is none of these words,
+    What was measured stays. Of a failure the sensors' reasons stay too, else it is what was seen; why a recording is
+    unusable stays whatever is said. Raises TrialError: nobody says it, it is none of these words,
     or a success of an unusable recording.
     """
     where = "manual judgement"
@@ -33,7 +33,7 @@ def manual_judgement(judgement: Judgement, outcome: str, by: str, text: str = ""
     words = printable(text.strip(), _MOST_TEXT)
     reasons: Reasons = ()
     if said is Outcome.FAILURE:
-        reasons = (*(failures or ((Failure.NO_SUPPORT, words),)), *unusable)
+        reasons = (*(failures or ((Failure.OBSERVED, words),)), *unusable)
     elif said is Outcome.UNUSABLE:
         reasons = (*(unusable or ((Unusable.ABORTED, words),)), *failures)
     name = printable(by.strip(), _MOST_BY)

@@ -13,8 +13,11 @@ from ..stream import Flags, Stream
 
 Reason = tuple[Unusable, str]
 
-_LEAST_DRIFT_S = 2.0
-"""Clocks are compared over this long at least: over less, the line's delays alone can tell 1 %."""
+_LEAST_DRIFT_S = 1.0
+"""Clocks are compared over this long at least, seconds: over less, the line's delays alone can tell 1 %."""
+
+_PIECE_S = 5.0
+"""A clock that drifts for as long as a support is found, too, in overlapping pieces of this length."""
 
 
 def recording_problems(stream: Stream, began_ns: int, ended_ns: int, rules: Rules) -> Iterator[Reason]:
@@ -47,7 +50,7 @@ def recording_problems(stream: Stream, began_ns: int, ended_ns: int, rules: Rule
         loss = max(_loss(sequence), _loss(sequence[within]))
         if loss > rules.max_loss:
             yield Unusable.LOSS, f"{100 * loss:.3f} % of the samples missing"
-    drift = max(_drift(device_us, received), _drift(device_us[within], received[within]), key=abs)
+    drift = max((_drift(device_us[piece], received[piece]) for piece in _pieces(received, within)), key=abs)
     if abs(drift) > rules.max_drift:
         yield Unusable.CLOCK_DRIFT, f"device's clock {100 * drift:+.2f} % off"
     yield from _out_of_range(stream)
@@ -69,6 +72,15 @@ def _loss(sequence: np.ndarray) -> float:
         return 0.0
     sent = int(sequence[-1] - sequence[0]) + 1
     return 1.0 - len(sequence) / sent
+
+
+def _pieces(received_ns: np.ndarray, within: np.ndarray) -> Iterator[np.ndarray | slice]:
+    """The whole recording, the trial, and pieces of the recording that overlap by half, the last at its end."""
+    yield slice(None)
+    yield within
+    for begin in np.arange(received_ns[0], received_ns[-1], _PIECE_S / 2 * 1e9):
+        first = int(min(begin, max(received_ns[-1] - _PIECE_S * 1e9, received_ns[0])))
+        yield slice(*np.searchsorted(received_ns, [first, first + int(_PIECE_S * 1e9)]).tolist())
 
 
 def _drift(device_us: np.ndarray, received_ns: np.ndarray) -> float:

@@ -47,7 +47,7 @@ class AsciiStream:
     name: str = "stream"
     baud: int = 115_200
     request: bytes = b""
-    pause_s: float = 0.004
+    pause_s: float = 0.01
 
     def decoder(self) -> Decoder:
         """A new decoder."""

@@ -90,7 +90,7 @@ class Device:
                 self._changed.notify_all()
 
     def _take(self) -> None:
-        """Read until it is closed; short sleeps between gather the samples of 4 ms in one reading."""
+        """Read until it is closed; short sleeps between gather the samples of 10 ms in one reading."""
         request, asked_s = self.adapter.request, -_ANSWER_S
         while not self._closing.is_set():
             if request and time.monotonic() - asked_s >= _ANSWER_S:

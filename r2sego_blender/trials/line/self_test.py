@@ -62,7 +62,7 @@ class SelfTest:
 
     def _line(self, stream: Stream) -> Iterable[tuple[str, str, bool]]:
         steps = len(stream.sequence) - 1
-        rate = steps / float(stream.device_us[-1] - stream.device_us[0]) * 1e6
+        rate = steps / self._builder.lasts_us * 1e6
         told = self._hello.rate_hz
         yield "rate", f"{rate:.1f} Hz of {told:g} Hz", abs(rate / told - 1) <= RATE_SHARE
         missing = int(stream.sequence[-1] - stream.sequence[0]) - steps
@@ -79,4 +79,4 @@ class SelfTest:
         newtons = self._calibration.newtons(stream.raw)
         for channel, mean, noise in zip(stream.channels, newtons.mean(axis=0), newtons.std(axis=0), strict=True):
             words = f"{mean:+.2f} N, standard deviation {noise:.2f} N"
-            yield channel.name, words, abs(mean) <= ZERO_N and noise <= NOISE_N
+            yield channel.name, words, bool(abs(mean) <= ZERO_N and noise <= NOISE_N)

@@ -16,7 +16,7 @@ class Rules:
     Loads are in newtons, of all channels of that name together: "seat", "seat_left", ... are one seat.
     """
 
-    support_s: float = setting(3.0, "The chair carries the robot this long without a break.", 0.5, 60.0)
+    support_s: float = setting(3.0, "The chair carries the robot this long without a break.", 2.0, 60.0)
     seat_n: float = setting(100.0, "It carries the robot where the seat bears at least this, newtons.", 1.0, 5000.0)
     stability: float = setting(0.5, "The support's lowest load, as a share of its highest, is at least this.", 0.0, 1.0)
     tether_n: float = setting(30.0, "The tether bears load where it bears more than this, newtons.", 1.0, 5000.0)

@@ -13,9 +13,10 @@ from ...core.errors import TrialError
 from ...core.json_files import opened_json
 from ...core.printable import printable
 from ...core.text_files import read_text
+from ..records.index import RecordIndex
 from .declaration import Declaration
 from .drawing import drawn_plan
-from .trial_plan import BEGUN, ENDED, FROZEN, PLAN, SUFFIX, TrialPlan, plan_bytes
+from .trial_plan import BEGUN, ENDED, FROZEN, PLAN, SUFFIX, TrialPlan, plan_bytes, require_own_files
 
 DECLARATION = "declaration.toml"
 _MOST_REASON = 2000
@@ -33,12 +34,14 @@ class StudyState:
 def freeze_plan(declaration: str | Path, study_folder: str | Path | None = None) -> tuple[TrialPlan, Path]:
     """Draw the plan of a declaration and freeze it in a study's folder, by default beside it with its name.
 
-    A plan that has not begun is replaced. Raises TrialError: the declaration is none, or its plan has begun.
+    A plan that has not begun is replaced. Raises TrialError: the declaration is none, its plan has begun, or a
+    link leads out of the folder.
     """
     file = Path(declaration)
     study = Path(study_folder) if study_folder else file.with_suffix(SUFFIX)
     declared = Declaration.load(file)
-    if (study / BEGUN).exists():
+    require_own_files(study)
+    if (study / BEGUN).exists() or RecordIndex(study).file.exists():
         cure = "End it with a reason (r2sego trials end) and plan a new study in another folder."
         raise TrialError("the plan of this study has begun", where=study, cure=cure)
     plan = drawn_plan(declared, file)

@@ -10,12 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ...bundle.containment import require_contained
 from ...config.declared_files import Reader, is_number
 from ...config.fields import setting
-from ...core.errors import TrialError, may_not_be_read
+from ...core.errors import SceneError, TrialError, may_not_be_read
 from ...core.json_files import parse_json
 from ...core.printable import printable
 from ...core.text_files import read_bytes
+from ..records.index import RecordIndex
 from .rules import Rules
 
 PLAN, FROZEN, BEGUN, ENDED = "plan.json", "plan.sha256", "begun.json", "ended.json"
@@ -151,17 +153,29 @@ class TrialPlan(_PlanFile):
     def load(study_folder: str | Path) -> TrialPlan:
         """The plan of a study's folder.
 
-        Raises TrialError: none is there, or it is not the one that was frozen, or that trials began with.
+        Raises TrialError: none is there, or it is not the one that was frozen, or that trials began with; or a link
+        leads out of the folder.
         """
         study = Path(study_folder)
+        require_own_files(study)
         file = study / PLAN
         written = _bytes_of(file)
         digest = hashlib.sha256(written).hexdigest()
-        if _frozen_digest(study / FROZEN) != digest:
+        if _bytes_of(study / FROZEN).split() != [digest.encode(), PLAN.encode()]:
             raise _changed(file, f"its SHA-256 is not the one in {FROZEN}")
         if (study / BEGUN).exists() and (begun := _begun_digest(study / BEGUN)) != digest:
             raise _changed(file, f"trials began with the plan {begun[:12]}")
+        if not (study / BEGUN).exists() and RecordIndex(study).file.exists():
+            raise _changed(study / BEGUN, "it is gone, and records are there")
         return parsed_plan(written, file)
+
+
+def require_own_files(study: Path) -> None:
+    """Raises TrialError where a link leads out of a study's folder, which may come from a stranger."""
+    try:
+        require_contained(study)
+    except SceneError as error:
+        raise TrialError(error.what.replace("bundle", "study"), where=error.where, cure=error.cure) from error
 
 
 def plan_bytes(plan: TrialPlan) -> bytes:
@@ -224,10 +238,6 @@ def _bytes_of(file: Path) -> bytes:
         raise may_not_be_read(file, TrialError) from error
     except (OSError, ValueError) as error:
         raise TrialError("there is no plan of trials here", where=file, cure=_MAKE) from error
-
-
-def _frozen_digest(file: Path) -> str:
-    return _bytes_of(file)[:64].decode("ascii", "replace")
 
 
 def _begun_digest(file: Path) -> str:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
 from ...core.errors import TrialError
-from ...core.file_locks import try_lock
 from ..calibration.calibration import Calibration
 from ..line.decoding import Sample
 from ..line.self_test import SelfTest
@@ -25,6 +23,7 @@ from .connection import Connection, Heard
 from .controls import Control, Told
 from .live import Counts, Live, Pose, State
 from .monitor import Monitor
+from .session_lock import alone
 from .trial import Trial
 
 TICK_S = 0.04
@@ -37,7 +36,6 @@ _WORDS = {
     State.JUDGED: "Judged. On to the next trial, or stop.",
 }
 _SHOW_NS = 100_000_000
-_LOCK_FILE = "session.lock"
 
 
 class Operator(Protocol):
@@ -86,7 +84,7 @@ class Session:
         Raises TrialError, as where simulated trials and real ones would stand in one study, and OSError.
         Whatever ends it, records stay readable, and the next session goes on behind them.
         """
-        with _alone(self._index.folder):
+        with alone(self._folder):
             try:
                 while not self._stopping and (planned := self._next()) is not None:
                     if self._is_set_up(planned):
@@ -264,13 +262,3 @@ class Session:
 
 def _pose(pose: FloorPose) -> Pose:
     return pose.x_m, pose.y_m, pose.heading_deg
-
-
-@contextlib.contextmanager
-def _alone(folder: Path) -> Iterator[None]:
-    """Within its ``with`` block no other session runs the study. Raises TrialError where one does."""
-    folder.mkdir(exist_ok=True)
-    with (folder / _LOCK_FILE).open("ab") as file:
-        if not try_lock(file):
-            raise TrialError("another session runs this study", where=folder.parent, cure="End that one first.")
-        yield

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...core.errors import TrialError
+from ...core.formatting import counted
 from ..outcome import Failure, Outcome, Unusable
 from ..plan.study import state_of
 from ..plan.trial_plan import PlannedPolicy, PlannedTrial, TrialPlan
@@ -91,6 +92,29 @@ class Results:
             for entry in self.entries
             if entry.judgement.outcome is Outcome.UNUSABLE and _saw_failure(entry.judgement.reasons)
         )
+
+    @property
+    def simulated(self) -> bool:
+        """Whether devices were simulated, and so no robot was tried."""
+        return any(entry.simulated for entry in self.entries)
+
+    def about(self) -> tuple[str, ...]:
+        """What is to be known of the records beside the counts, a sentence each."""
+        told = ["Simulated devices: no robot was tried."] if self.simulated else []
+        if by_hand := sum(bool(entry.judgement.manual) for entry in self.usable.values()):
+            told.append(f"Judged by a person in place of the sensors: {counted(by_hand, 'trial')}.")
+        unusable = Counter(
+            self.plan.trials[entry.trial].condition
+            for entry in self.entries
+            if entry.judgement.outcome is Outcome.UNUSABLE
+        )
+        seen = self.failed_unusable()
+        for condition, count in unusable.items():
+            told.append(
+                f"{condition}: {counted(count, 'unusable recording')}, which count neither way; "
+                f"a failure was seen in {seen[condition]}."
+            )
+        return tuple(told)
 
 
 def _saw_failure(reasons: Sequence[tuple[Failure | Unusable, str]]) -> bool:

@@ -10,7 +10,7 @@ from .counts import PolicyCount
 from .success_table import SuccessTable
 
 _WIDTH_OF, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 150, 300, 52, 16, 16, 40
-_JITTER = 9.0
+_JITTER, _MOST_ASIDE = 9.0, 36.0
 _COLOURS = ("#a33", "#274", "#247", "#752")
 
 
@@ -23,7 +23,7 @@ def success_figure(counts: Sequence[PolicyCount]) -> str:
     for column, row in enumerate(table.rows):
         for seed, successes, trials in row.by_seed:
             if trials:  # a little apart, so that equal ones are seen
-                aside = _JITTER * (seeds.index(seed) - (len(seeds) - 1) / 2)
+                aside = min(_JITTER, 2 * _MOST_ASIDE / len(seeds)) * (seeds.index(seed) - (len(seeds) - 1) / 2)
                 places[column, seed] = (_middle(column) + aside, _y(successes / trials), successes, trials)
     parts = [_axis(width)]
     for (column, seed), (x, y, _, _) in places.items():

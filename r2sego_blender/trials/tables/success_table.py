@@ -28,17 +28,17 @@ class Row:
 class SuccessTable:
     """The rows by condition, and the differences by seed of each condition to the first one.
 
-    ``complete`` is whether every planned trial has a usable recording; ``simulated`` whether records are of simulated
-    devices.
+    ``complete`` is whether every planned trial has a usable recording; ``about`` is what else is to be known of the
+    records, a sentence each.
     """
 
     rows: tuple[Row, ...]
     differences: tuple[tuple[str, Difference], ...]
     complete: bool
-    simulated: bool = False
+    about: tuple[str, ...] = ()
 
     @staticmethod
-    def of(counts: Sequence[PolicyCount], simulated: bool = False) -> SuccessTable:
+    def of(counts: Sequence[PolicyCount], about: tuple[str, ...] = ()) -> SuccessTable:
         """The table of policies' counts; a policy without a usable trial is in no mean."""
         conditions = list(dict.fromkeys(count.policy.condition for count in counts))
         rates = {
@@ -57,7 +57,7 @@ class SuccessTable:
             ),
             tuple(differences),
             all(one.trials == one.planned for one in counts),
-            simulated,
+            about,
         )
 
     def markdown(self) -> str:
@@ -82,9 +82,7 @@ class SuccessTable:
             )
         if not self.complete:
             notes.append("Incomplete: trials are left without a usable recording.")
-        if self.simulated:
-            notes.append("Simulated devices: no robot was tried.")
-        return notes
+        return [*notes, *self.about]
 
     def latex(self) -> str:
         """The tabular of the paper; the condition with the highest mean on the robot is bold."""

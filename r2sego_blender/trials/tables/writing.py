@@ -18,7 +18,7 @@ TABLES = "tables"
 def write_tables(results: Results, folder: Path) -> tuple[SuccessTable, list[Path]]:
     """Write every table of a study's results into ``folder``; the paper's, and the files. Raises TrialError."""
     counts = results.counts()
-    table = SuccessTable.of(counts, any(entry.simulated for entry in results.entries))
+    table = SuccessTable.of(counts, results.about())
     texts = {
         "table3.md": table.markdown(),
         "table3.csv": table.csv(),

@@ -124,11 +124,12 @@ def check_a_session_is_started_with_its_device_and_calibration():
     assert "where the device is" in refused(bpy.ops.r2sego.run_trials)
     group().device = "/dev/ttyACM0"
     assert "No calibration" in refused(bpy.ops.r2sego.run_trials)
-    group().calibration = "/cells.json"
+    group().calibration, group().adapter, group().baud = "/cells.json", "mark10", 9600
     assert bpy.ops.r2sego.run_trials() == {"FINISHED"}
     simulated, real = calls()
     assert simulated == ["trials", "run", str(path), "--json-progress", "--simulated"]
-    assert real == [*simulated[:4], "--device", "/dev/ttyACM0", "--calibration", "/cells.json"]
+    device = ["--device", "/dev/ttyACM0", "--calibration", "/cells.json", "--adapter", "mark10", "--baud", "9600"]
+    assert real == [*simulated[:4], *device]
 
 
 def _live(plan, index, **more):
@@ -174,7 +175,7 @@ def check_a_session_is_followed_ten_times_a_second_and_its_poses_move_on():
     assert told == [
         {"control": "note", "text": "a clap"},
         {"control": "arm"},
-        {"control": "judge", "outcome": "FAILURE", "by": "A. B.", "text": "slid off"},
+        {"control": "judge", "outcome": "failure", "by": "A. B.", "text": "slid off"},
     ]
     bpy.ops.r2sego.cancel()
     followed_to_its_end()

@@ -87,6 +87,7 @@ def test_it_is_of_one_device():
         {"taken": 5},
         {"channels": []},
         {"channels": [{}] * 9},
+        {"channels": [{"name": "t", "lowest": 0, "highest": 1, "points": []}]},
         {"device": "a\u001b[2J"},
         {"channels": [{"name": "t", "lowest": 5, "highest": 1, "points": []}]},
         {"channels": [{"name": "t", "lowest": 0, "highest": 1, "points": [{"newtons": 1e300}]}]},

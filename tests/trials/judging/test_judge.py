@@ -18,8 +18,10 @@ from trials.streams import (
     with_flag,
     with_gap,
     with_loss,
+    with_passing_drift,
     with_saturation,
     with_silence,
+    with_stall,
     with_time,
 )
 
@@ -135,6 +137,12 @@ def test_a_trial_without_its_whole_is_unusable(told, kind):
     assert judgement.outcome is Outcome.UNUSABLE and kind in kinds(judgement)
 
 
+def test_a_device_that_is_silent_as_the_trial_begins_is_unusable():
+    told = [dataclasses.replace(event, time_ns=event.time_ns - 10**9 * (at == 0)) for at, event in enumerate(events())]
+    judgement = judged(stream(loads=sits(4.0)), told)
+    assert judgement.outcome is Outcome.UNUSABLE and kinds(judgement) == [Unusable.SILENCE]
+
+
 def test_calling_a_trial_off_after_its_end_changes_nothing():
     assert judged(stream(), events(10.0, (EventKind.ABORTED, 10.05))).outcome is Outcome.FAILURE
 
@@ -181,18 +189,30 @@ def test_a_stream_without_samples_is_silence():
 
 
 def test_what_is_just_within_the_rules_is_usable():
-    """A thousandth lost, 50 ms without a sample, a clock 0.9 % off, 199 ms of silence: still a success."""
+    """A thousandth lost, 50 ms without a sample, a clock 0.9 % off, 190 ms of silence: still a success."""
     one = stream(30.0, 200.0, sits(4.0), delay_us=0)
     told = events(30.0)
     for good in (
         kept(one, np.setdiff1d(np.arange(len(one.sequence)), [1000, 2000, 3000, 4000, 5000])),
         with_drift(one, 0.009),
         with_drift(one, -0.009),
-        with_silence(one, 0.5, 190.0),
+        with_stall(one, 0.5, 190.0),
+        with_stall(one, 0.99, 190.0),
+        with_passing_drift(one, 10.0, 3.0, 0.009),
     ):
         assert judged(good, told).outcome is Outcome.SUCCESS
     slow = stream(30.0, 20.0, sits(4.0), delay_us=0)
     assert judged(slow, told).outcome is Outcome.SUCCESS
+
+
+@settings(deadline=None, max_examples=60)
+@given(from_s=st.floats(0.0, 27.0), percent=st.integers(3, 20), seconds=st.floats(3.0, 10.0), faster=st.booleans())
+def test_a_clock_that_drifts_only_for_a_while_is_found(from_s, percent, seconds, faster):
+    """It would make a support of three seconds of a shorter one."""
+    one = stream(30.0, 200.0, sits(4.0))
+    share = percent / 100 if faster else -percent / 100
+    judgement = judged(with_passing_drift(one, from_s, min(seconds, 30.0 - from_s), share), events(30.0))
+    assert judgement.outcome is Outcome.UNUSABLE and kinds(judgement) == [Unusable.CLOCK_DRIFT]
 
 
 SPOILT = {

@@ -19,7 +19,7 @@ def test_what_a_person_says_counts_and_is_theirs():
     assert (said.support_s, said.highest_tether_n) == (0.0, 212.0)
     assert manual_judgement(FELL, "failure", "Ada").reasons == FELL.reasons
     assert manual_judgement(SUCCESS, "failure", "Ada", "on the armrest").reasons == (
-        (Failure.NO_SUPPORT, "on the armrest"),
+        (Failure.OBSERVED, "on the armrest"),
     )
     assert manual_judgement(SUCCESS, "unusable", "Ada", "wrong chair").reasons == ((Unusable.ABORTED, "wrong chair"),)
 

@@ -2,7 +2,6 @@
 
 import hashlib
 import math
-import subprocess
 from collections import Counter
 
 import pytest
@@ -14,7 +13,8 @@ from r2sego_blender.core.errors import TrialError
 from r2sego_blender.trials.plan.declaration import Declaration
 from r2sego_blender.trials.plan.rules import Rules
 from r2sego_blender.trials.plan.study import begin_study, end_study, freeze_plan, state_of
-from r2sego_blender.trials.plan.trial_plan import TrialPlan
+from r2sego_blender.trials.plan.trial_plan import TrialPlan, plan_bytes
+from r2sego_blender.trials.records.index import RecordIndex
 
 
 @pytest.fixture
@@ -69,8 +69,7 @@ def test_a_plan_is_drawn_the_same_again_and_otherwise_from_another_seed(tmp_path
     assert freeze_plan(declared(tmp_path), tmp_path / "again.trials")[0] == first
     other, _ = freeze_plan(declared(tmp_path, "seed = 1"), tmp_path / "other.trials")
     assert [trial.robot_pose for trial in other.trials] != [trial.robot_pose for trial in first.trials]
-    checked = subprocess.run(["sha256sum", "-c", "plan.sha256"], cwd=study, capture_output=True)
-    assert checked.returncode == 0
+    assert (study / "plan.sha256").read_text() == f"{first.digest}  plan.json\n"  # as sha256sum -c reads it
 
 
 def test_randomised_blocks_have_each_condition_once_and_either_first(tmp_path):
@@ -140,6 +139,37 @@ def test_another_plan_does_not_take_the_place_of_one_that_began(tmp_path):
     with pytest.raises(TrialError):
         TrialPlan.load(study)
     assert other.digest != second.digest
+
+
+def test_that_a_plan_began_cannot_be_taken_back(tmp_path):
+    plan, study = freeze_plan(declared(tmp_path))
+    begin_study(study, plan)
+    RecordIndex(study).begin(0, plan.digest, True, False)
+    (study / "begun.json").unlink()
+    with pytest.raises(TrialError):
+        TrialPlan.load(study)
+    with pytest.raises(TrialError):
+        freeze_plan(declared(tmp_path, "seed = 1"))
+
+
+@pytest.mark.parametrize("link", ["tables", "records", ".unfinished-plan.json", "plan.html"])
+def test_a_link_out_of_a_study_is_refused(tmp_path, link):
+    plan, study = freeze_plan(declared(tmp_path))
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    (study / link).symlink_to(outside)
+    for attempt in (
+        lambda: TrialPlan.load(study),
+        lambda: freeze_plan(declared(tmp_path)),
+        lambda: begin_study(study, plan),
+    ):
+        with pytest.raises(TrialError):
+            attempt()
+    assert [*outside.iterdir()] == [] and not (study / "begun.json").exists()
+
+
+def test_a_plan_is_written_as_it_is_read(study):
+    assert plan_bytes(TrialPlan.load(study)) == (study / "plan.json").read_bytes()
 
 
 def test_a_study_is_ended_once_and_with_a_reason(study):

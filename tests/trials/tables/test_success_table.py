@@ -10,11 +10,13 @@ import pytest
 from trials.declarations import CONDITIONS
 
 from r2sego_blender.core.errors import TrialError
+from r2sego_blender.trials.judging.manual import manual_judgement
 from r2sego_blender.trials.outcome import Failure, Judgement, Outcome, Unusable
 from r2sego_blender.trials.plan.study import begin_study, end_study, freeze_plan
 from r2sego_blender.trials.records.index import RecordIndex
 from r2sego_blender.trials.tables.counts import Results
 from r2sego_blender.trials.tables.success_table import SuccessTable, csv_text
+from r2sego_blender.trials.tables.trials_file import trials_csv
 from r2sego_blender.trials.tables.writing import write_tables
 
 REAL = {"GaussGym": (0, 0, 1, 2, 1), "R2S-EGO": (7, 7, 7, 6, 6)}
@@ -104,12 +106,27 @@ def test_unusable_recordings_count_neither_way_and_are_told(tmp_path):
     results = Results.of(study)
     assert [row.pooled for row in SuccessTable.of(results.counts()).rows] == [(4, 40), (33, 40)]
     assert results.failed_unusable() == {"GaussGym": 40, "R2S-EGO": 40}
+    assert all(name in " ".join(results.about()) and "80" in " ".join(results.about()) for name in CONDITIONS)
     assert results.kinds()["GaussGym"] == {
         Unusable.GAP: 40,
         Unusable.SATURATION: 40,
         Failure.TETHER: 19,
         Failure.NO_SUPPORT: 17,
     }
+
+
+def test_what_persons_judged_and_devices_simulated_is_told(tmp_path):
+    plan, study = papers_plan(tmp_path)
+    ran(study, plan, lambda trial: as_in_the_paper(trial) if trial.index else [])
+    assert Results.of(study).about() == ()
+    index = RecordIndex(study)
+    number = index.begin(0, plan.digest, True, True)
+    index.judge(number, FELL)
+    assert len(Results.of(study).about()) == 1 and Results.of(study).simulated
+    index.judge(number, manual_judgement(FELL, "success", "Ada", "the rope was pulled by hand"))
+    results = Results.of(study)
+    assert len(results.about()) == 2 and results.counts()[0].successes == 1
+    assert sum("Ada" in line for line in trials_csv(results).splitlines()) == 1
 
 
 def test_a_study_that_is_not_done_says_so(tmp_path):
