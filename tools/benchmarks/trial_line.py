@@ -75,9 +75,11 @@ class Killed:
 def recorded_load(folder: Path, seconds: float, rate_hz: int = 1000) -> Load:
     """Record a trial of so long at this rate, in ``folder``, which is emptied."""
     study, calibration = _study(folder)
-    with simulated_device("success", rate_hz=rate_hz) as url:
+    device = simulated_device("idle", rate_hz=rate_hz)
+    with device as url:
         session = _Session(study, url, calibration)
         session.start_trial()
+        device.play("success")
         began_s, used_s = time.monotonic(), session.used_s()
         time.sleep(seconds)
         lasted_s, used_s = time.monotonic() - began_s, session.used_s() - used_s
@@ -95,7 +97,7 @@ def killed_recorders(folder: Path, count: int, seed: int, rate_hz: int = 1000) -
     study, calibration = _study(folder)
     found: list[Killed] = []
     for index, share in enumerate(np.random.default_rng(seed).random(count)):
-        with simulated_device("success", rate_hz=rate_hz) as url:
+        with simulated_device("idle", rate_hz=rate_hz) as url:
             session = _Session(study, url, calibration)
             session.start_trial()
             after_s = float(share) * 2.0

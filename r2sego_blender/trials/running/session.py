@@ -26,7 +26,7 @@ from .monitor import Monitor
 from .session_lock import alone
 from .trial import Trial
 
-TICK_S = 0.02
+TICK_S = 0.04
 """How often a session looks at its line and its operator."""
 
 _WORDS = {

@@ -25,7 +25,7 @@ from r2sego_blender.trials.running.live import State
 from r2sego_blender.trials.running.session import Session
 from r2sego_blender.trials.running.simulated import SimulatedBench, SimulatedOperator
 
-SHORT = "support_s = 0.5"
+SHORT = "support_s = 2.0"
 RECORDED = (State.ARMED, State.RUNNING, State.ENDED)
 STATES = (State.WAITING, State.SELF_TEST, State.SET_UP, *RECORDED, State.JUDGED)
 
