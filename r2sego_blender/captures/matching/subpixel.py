@@ -26,7 +26,7 @@ _ITERATIONS = 12
 # A match that moves farther, or whose patches are not alike in the end, stays where it was.
 _FARTHEST_PX = 3.0
 _LEAST_CORRELATION = 0.8
-_ENOUGH = 30
+_ENOUGH = 100
 # The warp around a match: of so many others, near a similarity of one where these say little.
 _NEIGHBOURS = 12
 _REWEIGHTED = 5
