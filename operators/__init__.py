@@ -12,9 +12,9 @@ from types import ModuleType
 
 import bpy
 
-from . import asset, captures, collision, engine, generation, job, proxy, report, robot, scene, state, views
+from . import asset, captures, collision, engine, generation, job, proxy, report, robot, scene, state, trials, views
 
-_ROOMS = (engine, scene, captures, proxy, robot, views, generation, asset, collision, report)
+_ROOMS = (engine, scene, captures, proxy, robot, views, generation, asset, collision, report, trials)
 
 
 def register() -> None:

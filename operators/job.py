@@ -5,8 +5,9 @@ followed, and what of it is shown.
 """
 
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 import bpy
 
@@ -21,7 +22,11 @@ from . import state
 _BUNDLE_FILE = "scene.toml"
 _REMEMBERED_ENDS = 4
 
+listeners: dict[str, Callable[[Job, Mapping[str, Any]], None]] = {}
+"""What a room does with events of a kind that it alone knows; it is called with the job and the event's data."""
+
 _followed: Job | None = None
+_is_live = False
 _started_from: dict[Path, int] = {}  # jobs' folders; session numbers of Blender scenes
 
 
@@ -33,6 +38,11 @@ def current() -> Job | None:
 def is_running() -> bool:
     """Whether a job is followed."""
     return _followed is not None
+
+
+def is_live() -> bool:
+    """Whether the followed job tells a room what goes on: it is looked at more often then."""
+    return _is_live
 
 
 def own_folder() -> Path:
@@ -82,8 +92,8 @@ def start(
 
 def follow(job: Job) -> None:
     """Show ``job`` as the running one."""
-    global _followed
-    _followed = job
+    global _followed, _is_live
+    _followed, _is_live = job, False
     bpy.context.window_manager.r2sego_job.running = False
     show(job)
 
@@ -111,7 +121,8 @@ def show(job: Job) -> None:
 
 
 def show_event(event: Event) -> None:
-    """Take one event of the engine over into the job's properties."""
+    """Take one event of the engine over into the job's properties, or hand it to the room that knows its kind."""
+    global _is_live
     shown, data = bpy.context.window_manager.r2sego_job, event.data
     if event.kind == "progress":
         shown.task = str(data.get("task", ""))
@@ -123,6 +134,9 @@ def show_event(event: Event) -> None:
         shown.message = printable(str(data.get("text", "")))
     elif event.kind == "picture" and _followed is not None:
         bpy.context.window_manager.r2sego_engine.picture = str(_followed.folder / PICTURE_FILE)
+    elif event.kind in listeners and _followed is not None:
+        _is_live = True
+        listeners[event.kind](_followed, data)
 
 
 def cancel() -> None:
@@ -135,8 +149,8 @@ def cancel() -> None:
 
 def let_go() -> None:
     """Follow the job no longer; one that still runs goes on."""
-    global _followed
-    _followed = None
+    global _followed, _is_live
+    _followed, _is_live = None, False
     bpy.context.window_manager.r2sego_job.running = False
     bpy.context.window_manager.r2sego_job.cancel_requested = False
 

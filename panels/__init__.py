@@ -19,6 +19,7 @@ from . import (
     scene,
     settings,
     sidebar,
+    trials,
     views,
 )
 
@@ -36,6 +37,7 @@ _PARTS = (
     asset,
     collision,
     report,
+    trials,
 )
 
 

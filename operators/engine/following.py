@@ -1,7 +1,7 @@
 """The timer that follows the engine's job, finds jobs of a former Blender, and takes results over.
 
-It looks five times a second while a job runs. A modal operator would do so too, but Blender
-saves no backup while one runs, and a refinement takes hours.
+It looks five times a second while a job runs, ten times where that is live. A modal operator would do so
+too, but Blender saves no backup while one runs, and a refinement takes hours.
 """
 
 import time
@@ -22,7 +22,7 @@ from .demo_scene import open_begun
 from .job_scene import in_scene, scene_for, started_in
 from .properties import note_python
 
-_TICK_S, _IDLE_S = 0.2, 0.5
+_TICK_S, _LIVE_TICK_S, _IDLE_S = 0.2, 0.1, 0.5
 _SETTLED_S = 1.0  # after a command's last step its end is near, and shows it in one step to undo
 _journal_seen: tuple[str, int] | None = None
 _given_up: set[Path] = set()  # folders of jobs that could not be followed
@@ -122,7 +122,7 @@ def _follow() -> float:
         else:
             _conclude(followed)
     _redraw()
-    return _TICK_S
+    return _LIVE_TICK_S if job.is_live() else _TICK_S
 
 
 def _open_begun_bundle(followed: Job) -> None:

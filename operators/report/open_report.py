@@ -1,13 +1,11 @@
 """Open the report in the web browser."""
 
-import sys
-from pathlib import Path
-
 import bpy
 
 from ...r2sego_blender.core.errors import SceneError
 from .. import state
 from ..base import ReportingOperator, needs_bundle
+from ..web_page import open_page
 
 
 class R2SEGO_OT_open_report(ReportingOperator, bpy.types.Operator):
@@ -30,13 +28,5 @@ class R2SEGO_OT_open_report(ReportingOperator, bpy.types.Operator):
         page = state.opened_bundle(context).report_page
         if not page.is_file():
             raise SceneError("the report is missing", where=page, cure="Run Refine or Evaluate again.")
-        if not bpy.app.background:
-            _open(page)
+        open_page(page)
         return f"Report: {page}"
-
-
-def _open(page: Path) -> None:
-    if sys.platform == "win32":  # where a URL's %C3%BC need not be read as the letter it stands for
-        bpy.ops.wm.path_open(filepath=str(page))
-    else:
-        bpy.ops.wm.url_open(url=page.as_uri())

@@ -24,6 +24,7 @@ from numba.core import codegen, event
 
 from .errors import R2SEgoError
 from .scratch import ScratchFolder
+from .user_configuration import cache_folder
 
 _LIBRARY = Path(__file__).resolve().parents[1]
 _MARK = b".compiled " + b"import"  # in two parts: this file holds no kernel
@@ -38,8 +39,7 @@ def _cache_folder() -> Path:
         if _package(source) in packages:
             digest.update(source.relative_to(_LIBRARY).as_posix().encode() + text)
     try:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-        folder = base / "r2sego" / f"kernels-{digest.hexdigest()[:16]}"
+        folder = cache_folder() / f"kernels-{digest.hexdigest()[:16]}"
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):  # where it may not write, Numba keeps kernels elsewhere
             pass

@@ -1,4 +1,4 @@
-"""The folder of what a person keeps for themselves on this machine, outside every scene bundle.
+"""The folders of what a person keeps for themselves on this machine, outside every scene bundle.
 
 Standard library alone.
 """
@@ -36,3 +36,8 @@ def configuration_folder() -> Path:
     if sys.platform == "win32":
         return home / "AppData" / "Roaming" / _NAME
     return home / ("Library/Application Support" if sys.platform == "darwin" else ".config") / _NAME
+
+
+def cache_folder() -> Path:
+    """The person's folder ``r2sego`` for what can be made again; it need not be there yet. RuntimeError without a home."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / _NAME

@@ -22,6 +22,7 @@ class Failure(Enum):
     EMERGENCY_STOP = "emergency stop"
     NO_SUPPORT = "no stable support by the chair"
     TIMEOUT = "out of time"
+    OBSERVED = "seen by a person"
 
 
 class Unusable(Enum):
@@ -36,6 +37,7 @@ class Unusable(Enum):
     SILENCE = "silence"
     DISCONNECTED = "line lost"
     CALIBRATION = "calibration out of date"
+    CUT_OFF = "recording cut off"
     ABORTED = "ended by the operator"
 
 

@@ -27,6 +27,10 @@ def main() -> int:
         print(json.dumps(found, indent=1))
         return 0
     tell(event="progress", task="Dense stereo", done=1, total=4, elapsed_s=1.0, remaining_s=3.0)
+    if conduct == "live":
+        for line in (HERE / "live.jsonl").read_text().splitlines():
+            tell(event="live", **json.loads(line))
+        time.sleep(300)
     if conduct == "lack":
         raise ModuleNotFoundError("No module named 'click'")
     if conduct == "sleep":

@@ -21,6 +21,7 @@ ROOMS = {
     "asset": "Asset",
     "collision": "Collision",
     "report": "Report",
+    "trials": "Trials",
 }
 ANY_BUTTON = "press_buttons.py"
 """Presses whatever it is told: that shows no operator."""

@@ -9,15 +9,16 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import stat
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Any
 
+from ...core.appended_lines import append_line
 from ...core.errors import TrialError
 from ...core.json_files import parse_json
+from ...core.text_files import opened_file
 
 CONTROLS_FILE = "controls.jsonl"
 """The file in the study's folder."""
@@ -26,7 +27,6 @@ MOST_BYTES = 4096
 """The longest line."""
 
 _READ_BYTES = 1 << 16
-_OPEN = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 
 
 class Control(Enum):
@@ -78,17 +78,11 @@ class Told:
 def send(folder: Path, control: Control, **data: str) -> None:
     """Tell the session that runs the study in ``folder``. Raises TrialError: too long, or no file to write."""
     file = Path(folder, CONTROLS_FILE)
-    line = json.dumps({"control": control.value, **data}).encode() + b"\n"
-    if len(line) > MOST_BYTES:
+    line = json.dumps({"control": control.value, **data})
+    if len(line) >= MOST_BYTES:  # ASCII
         raise TrialError(f"a control of {len(line)} bytes is too long", where=file, cure="Write a shorter note.")
     try:
-        descriptor = os.open(file, os.O_WRONLY | os.O_APPEND | os.O_CREAT | _OPEN, 0o666)
-        try:
-            if not stat.S_ISREG(os.fstat(descriptor).st_mode):  # a study may come from anybody
-                raise OSError("it is no file")
-            os.write(descriptor, line)
-        finally:
-            os.close(descriptor)
+        append_line(file, line)
     except OSError as error:
         raise TrialError(
             f"the session cannot be told: {error.strerror or error}", where=file, cure="May this folder be written?"
@@ -107,16 +101,12 @@ class Controls:
     def read(self) -> list[Told]:
         """Those told since the last call, oldest first, of at most 64 KiB at once; lines that are none pass."""
         try:
-            descriptor = os.open(self._file, os.O_RDONLY | _OPEN)
-        except OSError:
+            with opened_file(self._file) as stream:
+                self._offset = min(self._offset, stream.seek(0, os.SEEK_END))  # somebody may have emptied it
+                stream.seek(self._offset)
+                data = stream.read(_READ_BYTES)
+        except (OSError, ValueError):
             return []
-        with os.fdopen(descriptor, "rb") as stream:
-            status = os.fstat(descriptor)
-            if not stat.S_ISREG(status.st_mode):
-                return []
-            self._offset = min(self._offset, status.st_size)  # somebody emptied it
-            stream.seek(self._offset)
-            data = stream.read(_READ_BYTES)
         whole, newline, rest = data.rpartition(b"\n")
         if not newline and len(data) == _READ_BYTES:
             rest = b""  # no line is as long

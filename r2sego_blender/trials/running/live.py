@@ -18,7 +18,7 @@ LIVE_EVENT = "live"
 """The kind of the job's events (``core/progress.py``) that carry a ``Live``."""
 
 Pose = tuple[float, float, float]
-"""x and y in metres, and the turn about z in radians."""
+"""x and y in metres, and the heading in degrees counter-clockwise from the x axis."""
 
 _LONGEST, _MOST = 600, 64
 

@@ -199,7 +199,7 @@ def check_registering_twice_leaves_nothing_behind():
 
 
 def check_blenders_process_has_loaded_nothing_numeric():
-    heavy = {"torch", "numba", "scipy", "cv2", "PIL", "pycolmap", "mujoco", "trimesh", "click"}
+    heavy = {"serial", "mcap", "torch", "numba", "scipy", "cv2", "PIL", "pycolmap", "mujoco", "trimesh", "click"}
     assert heavy.isdisjoint(sys.modules), heavy & set(sys.modules)
     assert threading.active_count() < 10
 

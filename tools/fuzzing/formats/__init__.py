@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from . import bundles, captures, declared, objects, pictures, robots, splats, views
+from . import bundles, captures, declared, objects, pictures, robots, splats, trials, views
 
 HARNESSES = (
     *splats.HARNESSES,
@@ -13,4 +13,5 @@ HARNESSES = (
     *declared.HARNESSES,
     *bundles.HARNESSES,
     *views.HARNESSES,
+    *trials.HARNESSES,
 )
