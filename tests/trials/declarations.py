@@ -1,14 +1,14 @@
-"""A declared study of two conditions with three seeds."""
+"""A declared study of two conditions."""
 
 import itertools
 
 CONDITIONS = ("GaussGym", "R2S-EGO")
 
 
-def declared(folder, text="", rules=""):
-    """A declaration of two conditions with three seeds in a folder, with the policies' files beside it."""
+def declared(folder, text="", rules="", seeds=(1, 2, 3)):
+    """A declaration of two conditions with these seeds in a folder, with the policies' files beside it."""
     policies = []
-    for condition, seed in itertools.product(CONDITIONS, (1, 2, 3)):
+    for condition, seed in itertools.product(CONDITIONS, seeds):
         (folder / f"{condition}_{seed}.onnx").write_text(f"{condition} {seed}")
         policies.append(f'[[policies]]\ncondition = "{condition}"\nseed = {seed}\nfile = "{condition}_{seed}.onnx"\n')
     file = folder / "sitting.toml"

@@ -10,6 +10,7 @@ from typing import Protocol
 from ...core.errors import TrialError
 from ..calibration.calibration import Calibration
 from ..line.decoding import Sample
+from ..line.self_test import SelfTest
 from ..line.simulated import DEVICE
 from ..outcome import Judgement, Outcome
 from ..plan.next_trial import is_tethered, next_trial
@@ -25,7 +26,7 @@ from .monitor import Monitor
 from .session_lock import alone
 from .trial import Trial
 
-TICK_S = 0.02
+TICK_S = 0.04
 """How often a session looks at its line and its operator."""
 
 _WORDS = {
@@ -97,7 +98,7 @@ class Session:
 
     def _is_set_up(self, planned: PlannedTrial) -> bool:
         """Wait for the device, test it, have the poses set up; whether the trial may be recorded now."""
-        return self._wait(planned) and self._set_up(planned)
+        return self._wait(planned) and self._test(planned) and self._set_up(planned)
 
     def _wait(self, planned: PlannedTrial) -> bool:
         while self._connection.hello is None and not self._stopping:
@@ -115,6 +116,27 @@ class Session:
         """Whether the device says that it is none."""
         hello = self._connection.hello
         return hello is not None and hello.device == DEVICE
+
+    def _test(self, planned: PlannedTrial) -> bool:
+        """The device's self-test, once after each time that it was plugged in."""
+        while not self._tested and not self._stopping:
+            assert self._connection.hello is not None
+            test = SelfTest(self._connection.hello, self._calibration)
+            while not test.complete:
+                heard, _ = self._tick(planned, State.SELF_TEST, "Leave the tether slack and the chair empty.")
+                if heard.lost or self._stopping:
+                    return False
+                test.add([message for message in heard.messages if isinstance(message, Sample)])
+            self._reasons = test.problems
+            self._tested = not test.problems
+            again = self._tested
+            while not again and not self._stopping:
+                words = f"The self-test failed: {'; '.join(test.problems)}. Mend it, then go on to the next test."
+                heard, acts = self._tick(planned, State.SELF_TEST, words)
+                if heard.lost:
+                    return False
+                again = any(told.control is Control.NEXT for told in acts)
+        return not self._stopping
 
     def _set_up(self, planned: PlannedTrial) -> bool:
         tether = "on" if self._is_tethered(planned) else "off"
@@ -150,7 +172,7 @@ class Session:
         trial = self._trial = Trial(about, self._index, self._clock)
         going_on = False
         while not going_on:
-            heard, acts = self._tick(planned, trial.state, _WORDS[trial.state])
+            heard, acts = self._tick(planned, trial.state, f"{trial.refused} {_WORDS[trial.state]}".lstrip())
             trial.hear(heard)
             for told in acts:
                 going_on |= trial.state is State.JUDGED and told.control in (Control.NEXT, Control.STOP)
@@ -209,7 +231,7 @@ class Session:
             lost_share=lost_share,
             emergency_stop=self._monitor.emergency_stop,
             elapsed_s=0.0 if trial is None else trial.elapsed_s,
-            support_s=self._monitor.supported_s(now_ns) if state is State.RUNNING else 0.0,
+            support_s=self._supported_s(state, now_ns),
             outcome=None if self._judgement is None else self._judgement.outcome,
             reasons=self._reasons,
             counts=None if self.plan.blinded else self._counts,
@@ -219,6 +241,13 @@ class Session:
             self._shown, self._shown_ns = (state, live.record), now_ns
             self._show(live)
         return live
+
+    def _supported_s(self, state: State, now_ns: int) -> float:
+        """The support so far; of a judged trial the one that was judged."""
+        judged = None if self._trial is None else self._trial.judgement
+        if judged is not None:
+            return judged.support_s
+        return self._monitor.supported_s(now_ns) if state is State.RUNNING else 0.0
 
     def _is_tethered(self, planned: PlannedTrial) -> bool:
         return is_tethered(planned, self.plan, [entry.ended for entry in self._entries])

@@ -68,6 +68,10 @@ class SimulatedLine:
         data, self._sent = self._sent[:_PIECE_BYTES], self._sent[_PIECE_BYTES:]
         return Received(data, self._clock.monotonic_ns(), self._clock.wall_ns())
 
+    def unplug(self) -> None:
+        """As its cable is drawn."""
+        self._is_gone = True
+
     def close(self) -> None:
         """Nothing is held."""
 
@@ -89,6 +93,11 @@ class SimulatedBench:
         """Have the device that is plugged in play a script."""
         if self._line is not None:
             self._line.play(script, seed)
+
+    def unplug(self) -> None:
+        """Draw its cable; ``open_line`` plugs in another."""
+        if self._line is not None:
+            self._line.unplug()
 
 
 class SimulatedOperator:

@@ -1,25 +1,34 @@
 """A whole plan runs by itself, and what was recorded says why each trial counts as it does."""
 
+import json
+from types import SimpleNamespace
+
+import pytest
 from trials.declarations import declared
 
 from r2sego_blender.core.digests import content_digest
+from r2sego_blender.core.errors import TrialError
+from r2sego_blender.core.file_locks import try_lock
 from r2sego_blender.trials.line.simulated import simulated_calibration
 from r2sego_blender.trials.outcome import Outcome
-from r2sego_blender.trials.plan.study import freeze_plan
+from r2sego_blender.trials.plan.study import end_study, freeze_plan
 from r2sego_blender.trials.records.index import RecordIndex
 from r2sego_blender.trials.records.reading import read_record
 from r2sego_blender.trials.running.clock import SimulatedClock
 from r2sego_blender.trials.running.connection import Connection
+from r2sego_blender.trials.running.controls import Control, Told
 from r2sego_blender.trials.running.judged_record import judged_record
 from r2sego_blender.trials.running.live import State
 from r2sego_blender.trials.running.session import Session
 from r2sego_blender.trials.running.simulated import SimulatedBench, SimulatedOperator, simulated_scripts
+from r2sego_blender.trials.tables.counts import Results
+from r2sego_blender.trials.tables.success_table import SuccessTable
 
 
-def run_simulated(study, plan, show=lambda live: None):
+def run_simulated(study, plan, show=lambda live: None, around=lambda operator: operator, scripts=None):
     clock = SimulatedClock()
     bench = SimulatedBench(clock)
-    operator = SimulatedOperator(plan, bench, clock, simulated_scripts(plan))
+    operator = around(SimulatedOperator(plan, bench, clock, scripts or simulated_scripts(plan)))
     Session(study, Connection(bench.open_line, clock), simulated_calibration(), operator, show, clock).run()
 
 
@@ -37,3 +46,104 @@ def test_a_small_plan_runs_to_its_end(tmp_path):
         assert judged_record(record) == entry.sensors, entry
     assert seen[-1].state is State.FINISHED
     assert {live.state for live in seen} >= {State.SET_UP, State.ARMED, State.RUNNING, State.ENDED, State.JUDGED}
+
+
+@pytest.mark.slow
+def test_the_papers_eighty_trials_run_unattended_to_its_table(tmp_path):
+    """Simulated devices, a defect every twelfth trial: those are run again, and the counts come out to the digit."""
+    plan, study = freeze_plan(declared(tmp_path, "trials = 8", seeds=(1, 2, 3, 4, 5)))
+    run_simulated(study, plan)
+    results = Results.of(study)
+    assert results.complete and results.simulated and len(plan.trials) == 80
+    successes = [count.successes for count in results.counts()]
+    assert successes == [0, 0, 1, 2, 1, 7, 7, 7, 6, 6]
+    text = SuccessTable.of(results.counts(), results.about()).markdown()
+    assert "| GaussGym | - | 10.0 ± 10.5 |" in text and "| R2S-EGO | - | 82.5 ± 6.8 |" in text
+    unusable = [entry for entry in results.entries if entry.judgement.outcome is Outcome.UNUSABLE]
+    assert len(results.entries) == 80 + len(unusable) and len(unusable) >= 6
+    for entry in unusable:
+        assert judged_record(read_record(study / "records" / entry.name)) == entry.judgement
+    policies = {}
+    for entry in results.entries:
+        passed = policies.setdefault(plan.trials[entry.trial].policy_sha256, [False])
+        assert entry.tethered != passed[0]  # untethered only after a tethered success
+        passed[0] |= entry.judgement.outcome is Outcome.SUCCESS
+
+
+def test_a_session_that_was_stopped_goes_on_where_it_was(tmp_path):
+    plan, study = freeze_plan(declared(tmp_path, "trials = 1", "support_s = 2.0"))
+    stopped = []
+
+    def stopping(operator):
+        def acts(live):
+            if live.index == 2 and live.state is State.RUNNING and live.elapsed_s > 1.0 and not stopped:
+                stopped.append(live.record)
+                return [Told(Control.STOP, {})]
+            return operator.acts(live)
+
+        return SimpleNamespace(acts=acts)
+
+    run_simulated(study, plan, around=stopping)
+    *_, last = RecordIndex(study).entries()
+    assert (last.number, last.trial, last.judgement.outcome) == (stopped[0], 2, Outcome.UNUSABLE)
+    run_simulated(study, plan)
+    entries = RecordIndex(study).entries()
+    usable = [entry.trial for entry in entries if entry.judgement.outcome is not Outcome.UNUSABLE]
+    assert sorted(usable) == list(range(6))
+    assert [entry.number for entry in entries] == list(range(1, len(entries) + 1))
+
+
+def test_a_persons_judgement_counts_and_is_in_the_record(tmp_path):
+    plan, study = freeze_plan(declared(tmp_path, "trials = 1", "support_s = 2.0"))
+    by_hand = {"outcome": "failure", "by": "A. Person", "text": "held up by the cable"}
+
+    def judging(operator):
+        def acts(live):
+            if live.state is not State.JUDGED or live.outcome is not Outcome.SUCCESS:
+                return operator.acts(live)
+            return [Told(Control.NOTE, {"text": "a note"}), Told(Control.JUDGE, by_hand), Told(Control.STOP, {})]
+
+        return SimpleNamespace(acts=acts)
+
+    run_simulated(study, plan, around=judging, scripts=lambda trial, tried: "success")
+    (entry,) = RecordIndex(study).entries()
+    assert entry.judgement.outcome is Outcome.FAILURE and entry.judgement.manual.startswith("A. Person")
+    assert entry.sensors.outcome is Outcome.SUCCESS and not entry.sensors.manual
+    record = read_record(study / "records" / entry.name)
+    assert record.judgements == (entry.sensors, entry.judgement) and judged_record(record) == entry.sensors
+    assert "a note" in [event.text for event in record.events]
+
+
+def test_counts_stay_hidden_from_a_blinded_operator(tmp_path):
+    for blinded in (True, False):
+        plan, study = freeze_plan(
+            declared(tmp_path, f'trials = 1\norder = "randomised"\nblinded = {str(blinded).lower()}'),
+            tmp_path / str(blinded),
+        )
+        seen = []
+        run_simulated(study, plan, seen.append)
+        told = {json.dumps(live.to_json()) for live in seen}
+        assert all((live.counts is None) == blinded for live in seen)
+        assert any(condition in text for text in told for condition in plan.conditions) != blinded
+
+
+def test_an_ended_study_and_one_that_runs_are_refused(tmp_path):
+    plan, study = freeze_plan(declared(tmp_path, "trials = 1"))
+    (study / "records").mkdir()
+    with (study / "records" / "session.lock").open("ab") as file:
+        assert try_lock(file)
+        with pytest.raises(TrialError):
+            run_simulated(study, plan)
+    end_study(study, "the robot broke")
+    with pytest.raises(TrialError):
+        run_simulated(study, plan)
+    assert RecordIndex(study).entries() == []
+
+
+def test_real_and_simulated_trials_do_not_stand_in_one_study(tmp_path):
+    plan, study = freeze_plan(declared(tmp_path, "trials = 1"))
+    index = RecordIndex(study)
+    index.begin(0, plan.digest, tethered=True, simulated=False)
+    with pytest.raises(TrialError):
+        run_simulated(study, plan)
+    assert len(index.entries()) == 1
