@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ..config.settings import Settings
-from ..config.slots import GENERATORS, RENDERERS, SURFACES, TRAINERS
+from ..config.slots import ESTIMATORS, GENERATORS, RENDERERS, SURFACES, TRAINERS
 from ..core.json_files import read_json
 from ..core.printable import printable
 
@@ -25,6 +25,12 @@ BACKENDS: Mapping[str, str] = {
 
 WITH_SENSOR = {"initial_asset": "embedded: dense stereo and a depth sensor to splats"}
 """Where a sensor measured depth beside the photographs."""
+
+ESTIMATOR = "depth_estimator"
+"""The slot that is empty by default: no bundle names a backend of it but one with estimates."""
+
+WITH_RECORDED = {ESTIMATOR: ESTIMATORS.labels["recorded"]}
+"""Where depth maps of any origin were recorded; whether a model made them nobody here knows."""
 
 
 def chosen_backends(settings: Settings) -> dict[str, str]:

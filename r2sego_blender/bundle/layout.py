@@ -14,6 +14,10 @@ SENSOR_DEPTH = "captures/depth"
 
 DEPTH = "geometry/depth"
 OBSERVED = "geometry/observed.npz"
+ESTIMATES = "estimates"
+"""What an estimator said of each capture's depth, in its own unit: in no world frame."""
+
+ESTIMATED = "geometry/estimated"
 PLANES = "geometry/planes.npz"
 COMPLETED = "geometry/completed"
 OBJECTS = "objects"

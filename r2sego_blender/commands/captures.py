@@ -1,4 +1,4 @@
-"""``r2sego register``: where its floor lies, which way is up, how long a metre is."""
+"""``r2sego register``: where its floor lies, which way is up, how long a metre is; ``estimate-depth``."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from ..bundle.scene import Scene
 from ..core.errors import SettingsError
-from .options import ANY_PATH, Output, direction_of, output_options, scale_of, scale_options
+from .options import ANY_PATH, FOLDER, Output, direction_of, output_options, scale_of, scale_options
 
 
 @click.command()
@@ -80,7 +80,35 @@ def register(
     output.tell(scene=str(made.path), ground=declared.ground, scale=declared.scale_source, **told)
 
 
-COMMANDS = (register,)
+@click.command("estimate-depth")
+@click.argument("scene", type=ANY_PATH)
+@click.option("--recorded", type=FOLDER, help="Maps called as the photographs are: EXR, NPY, NPZ, PNG or TIFF.")
+@click.option("--inverse", is_flag=True, help="They hold inverse depth, as of many models of one photograph.")
+@click.option("--remove", is_flag=True, help="Take the recorded maps away.")
+@output_options("--json")
+def estimate_depth(scene: Path, recorded: Path | None, inverse: bool, remove: bool, output: Output) -> None:
+    """Record depth maps of any origin for SCENE; the next refine fills with them what nothing else knows.
+
+    Maps may be in any unit, each with a scale and a shift of its own: they are aligned to what stereo, sensors
+    and sparse points know. Without options it only says which there are.
+    """
+    from ..editing.recorded_depth import describe_recorded, lines, record_depth, remove_depth
+
+    if (remove and recorded is not None) or (inverse and recorded is None):
+        raise SettingsError(
+            "--remove takes maps away, and --inverse says what given ones hold",
+            where="r2sego estimate-depth",
+            cure="Give --recorded FOLDER, with --inverse or without, or --remove alone.",
+        )
+    opened = Scene.open(scene)
+    if recorded is not None:
+        opened = record_depth(opened, recorded, inverse)
+    elif remove:
+        opened = remove_depth(opened)
+    output.show(describe_recorded(opened), lines)
+
+
+COMMANDS = (register, estimate_depth)
 
 
 def _frame_of(text: str) -> np.ndarray:

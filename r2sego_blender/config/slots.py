@@ -59,3 +59,6 @@ GENERATORS = Slot("generation/generators")
 
 TRAINERS = Slot("splats/backends")
 """What renders and moves the Gaussians in training, ``training.backend``."""
+
+ESTIMATORS = Slot("geometry/estimators")
+"""What estimates depth of captures that stereo and sensors do not know."""

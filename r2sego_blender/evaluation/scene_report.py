@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..bundle.backends import WITH_RECORDED
 from ..bundle.layout import REPORT_PAGE, of_round
 from ..bundle.scene import Scene
 from ..captures.capture import Capture
@@ -119,7 +120,7 @@ def _backend(slot: str, name: str) -> Backend:
     return Backend(
         slot.replace("_", " "),
         name,
-        learned=slot != "splat_trainer" and not name.startswith("embedded"),
+        learned=slot != "splat_trainer" and not name.startswith("embedded") and name not in WITH_RECORDED.values(),
         paper=_PAPER_BACKENDS.get(slot, ""),
     )
 
@@ -128,7 +129,10 @@ def _provenance(proxy: GeometryProxy) -> dict[str, float]:
     corners = proxy.vertices[proxy.faces]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     total = max(float(area.sum()), 1e-12)
-    return {p.name.lower(): float(area[proxy.provenance == p].sum()) / total for p in Provenance}
+    shares = {p.name.lower(): float(area[proxy.provenance == p].sum()) / total for p in Provenance}
+    if not (proxy.provenance == Provenance.ESTIMATED).any():  # told only where something was
+        del shares[Provenance.ESTIMATED.name.lower()]
+    return shares
 
 
 def _round(scene: Scene, index: int) -> Round:

@@ -24,13 +24,16 @@ from ..captures.store import CAPTURES
 from ..config.settings import Settings
 from ..core.cameras import Camera
 from ..core.progress import Progress
+from ..geometry.estimators.aligned_depth import ESTIMATED, AlignedDepth
+from ..geometry.estimators.aligning import align_estimates
+from ..geometry.estimators.estimated_depth import ESTIMATES, EstimatedDepth
 from ..geometry.objects.objects import OBJECTS, ObjectsFolder
 from ..geometry.objects.prior_files import PRIORS, AlignedPrior, ObjectPrior
 from ..geometry.objects.priors import align_objects, load_library
 from ..geometry.objects.shapes import require_library
 from ..geometry.room.bounds import with_missing_bounds
 from ..geometry.room.completed_depth import COMPLETED, CompletedDepth
-from ..geometry.room.completion import complete_depth
+from ..geometry.room.completion import complete_depth, trusted_depth
 from ..geometry.room.planes import PLANES, RoomPlanes, find_planes
 from ..geometry.stereo.measured_depth import with_sensor
 from ..geometry.stereo.observed import observe
@@ -160,8 +163,11 @@ class CaptureSteps:
         The declared objects' shapes are retrieved and aligned beside them.
         """
 
-        def complete(captures: Captures, depth: PerCapture[DepthMap], planes: RoomPlanes) -> dict[str, CompletedDepth]:
-            found = complete_depth(captures, depth.of(captures), planes, self.h, self.progress)
+        def complete(
+            captures: Captures, depth: PerCapture[DepthMap], planes: RoomPlanes, *estimated: PerCapture[AlignedDepth]
+        ) -> dict[str, CompletedDepth]:
+            estimates = [one for each in estimated for one in each.of(captures)]
+            found = complete_depth(captures, depth.of(captures), planes, self.h, self.progress, estimates)
             return by_file(captures, found)
 
         def behind(captures: Captures, completed: PerCapture[CompletedDepth]) -> SplatAsset:
@@ -175,6 +181,7 @@ class CaptureSteps:
             photographs,
             depth,
             planes,
+            *self._estimated(captures),
             settings=[self.h.stereo, self.h.proxy],
             fits=lambda maps, captures, *_: maps.of(captures),
             also=[observed.key],
@@ -226,6 +233,28 @@ class CaptureSteps:
             if one.refusal:
                 self.progress.message(f"{one.name}: no prior, {one.refusal}", "warning")
         return aligned
+
+    def _estimated(self, captures: RegisteredCaptures) -> list[Artifact[PerCapture[AlignedDepth]]]:
+        """The estimator's depth in the world's metres, where the bundle has any."""
+
+        def align(
+            captures: Captures, sparse: SparsePoints, depth: PerCapture[DepthMap], estimates: PerCapture[EstimatedDepth]
+        ) -> dict[str, AlignedDepth]:
+            trusted = trusted_depth(depth.of(captures), self.h.stereo)
+            found = [estimates.found(captures, index) for index in range(len(captures))]
+            return by_file(captures, align_estimates(captures, sparse, trusted, found, self.progress))
+
+        if not (self.runner.scene.path / ESTIMATES.name).is_dir():
+            return []
+        estimated = self._make(
+            ESTIMATED,
+            align,
+            *captures,
+            ESTIMATES,
+            settings=self.h.stereo,
+            fits=lambda maps, captures, *_: maps.of(captures),
+        )
+        return [estimated]
 
     # ---- what all steps have in common
 

@@ -16,6 +16,7 @@ PARTS = {
     "geometry/initial_asset.ply": "initial asset",
     "geometry/observed.npz": "observed points",
     "geometry/planes.npz": "room planes",
+    "geometry/estimated": "estimated depth",
     "geometry/completed": "completed depth",
     "geometry/backdrop.ply": "backdrop",
     "geometry/priors": "priors",

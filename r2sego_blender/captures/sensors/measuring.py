@@ -37,7 +37,7 @@ def measured_depth(
     straight: list[tuple[np.ndarray, np.ndarray] | None] = []
     for capture in captures:
         found = depth.with_doubt(capture, stems[capture.name])
-        straight.append(found and _straightened(capture, found[0] / np.float32(metres_per_unit), found[1]))
+        straight.append(found and straightened(capture, found[0] / np.float32(metres_per_unit), found[1]))
     pose = estimate_sensor_pose(captures, sparse, [one and one[0] for one in straight])
     if not pose.is_aligned:
         progress.message(f"the depth sensor does not see what the camera does: it is {pose}; corrected")
@@ -50,8 +50,9 @@ def measured_depth(
     return maps
 
 
-def _straightened(capture: Capture, depth: np.ndarray, doubt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A map (h, w) of the upright photograph as the capture's camera sees it, of about the same resolution.
+def straightened(capture: Capture, depth: np.ndarray, doubt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A map (h, w) of the upright photograph as the capture's camera sees it, of about the same resolution,
+    and its ``doubt`` likewise. Both float32, of ``capture.camera.fitted(max(h, w))``.
 
     Each pixel takes the nearest measurement: depth is not to be mixed.
     """

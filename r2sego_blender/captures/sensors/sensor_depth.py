@@ -21,6 +21,7 @@ from ..capture import Capture
 _SUFFIXES = (".png", ".tif", ".tiff", ".exr", ".npy", ".npz")
 _CONFIDENCE_SUFFIXES = (".png", ".tif", ".tiff")
 _FARTHEST_M = 100.0
+_LEAST, _MOST = 1e-6, 1e6  # of numbers whose unit is their file's own
 _LARGEST_FILE_BYTES = 256 * 1024 * 1024
 _MOST_EXR_BYTES = 4 << 30
 _ASPECT_TOLERANCE = 0.02
@@ -101,7 +102,31 @@ def _named(folder: Path, stem: str, suffixes: tuple[str, ...]) -> Path | None:
     return next((p for suffix in suffixes if (p := folder / f"{stem}{suffix}").is_file()), None)
 
 
+def map_in_own_unit(folder: Path, stem: str, capture: Capture) -> np.ndarray | None:
+    """The map (h, w) float32 of a capture's upright photograph as its file in ``folder`` has it, 0 = unknown.
+
+    Its unit is the file's own. None when there is no file. Raises CaptureError as ``SensorDepth.of``.
+    """
+    path = _named(folder, stem, _SUFFIXES)
+    if path is None:
+        return None
+    with np.errstate(over="ignore", invalid="ignore"):  # what is no depth is none in float32 either
+        values = _values(path).astype(np.float32)
+    known = np.isfinite(values) & (values > _LEAST) & (values < _MOST)
+    return _upright(np.where(known, values, np.float32(0.0)), capture, path)
+
+
 def _metres(path: Path, unit_m: float) -> np.ndarray:
+    values = _values(path)
+    if values.dtype == np.uint8:
+        raise _unreadable(path, "it has 8 bits, which are no millimetres")
+    with np.errstate(over="ignore", invalid="ignore"):  # what is no depth is none in float32 either
+        metres = values.astype(np.float32) * np.float32(1.0 if values.dtype.kind == "f" else unit_m)
+    return np.where(np.isfinite(metres) & (metres > 0) & (metres < _FARTHEST_M), metres, np.float32(0.0))
+
+
+def _values(path: Path) -> np.ndarray:
+    """The numbers (h, w) of a map's file."""
     if path.stat().st_size > _LARGEST_FILE_BYTES:
         raise _unreadable(path, "it is too large")
     if path.suffix in (".npy", ".npz"):
@@ -114,11 +139,7 @@ def _metres(path: Path, unit_m: float) -> np.ndarray:
         values = values[..., 0]
     if values.ndim != 2 or 0 in values.shape or values.dtype.kind not in "uif":
         raise _unreadable(path, f"it holds {values.dtype} of shape {values.shape}")
-    if values.dtype == np.uint8:
-        raise _unreadable(path, "it has 8 bits, which are no millimetres")
-    with np.errstate(over="ignore", invalid="ignore"):  # what is no depth is none in float32 either
-        metres = values.astype(np.float32) * np.float32(1.0 if values.dtype.kind == "f" else unit_m)
-    return np.where(np.isfinite(metres) & (metres > 0) & (metres < _FARTHEST_M), metres, np.float32(0.0))
+    return values
 
 
 def _read_image(path: Path) -> np.ndarray:

@@ -97,16 +97,18 @@ def collision_surface(
 
 
 def _completed_on_the_floor(proxy: GeometryProxy, height_m: float) -> np.ndarray:
-    """The proxy's vertices (V, 3), on the floor those below ``height_m`` with none but completed faces.
+    """The proxy's vertices (V, 3), on the floor those below ``height_m`` with none but completed and
+    estimated faces.
 
-    Depth that was filled in is off by centimetres: a low bump of it would only stop feet. What
+    Depth that was filled in or estimated is off by centimetres: a low bump of it would only stop feet. What
     stands on the floor stays standing on it, since its lowest vertices move too.
     """
     vertices = np.array(proxy.vertices, np.float64)
     _, place = np.unique(places(vertices), axis=0, return_inverse=True)
     place = place.ravel()
     known = np.zeros(len(vertices), bool)
-    known[place[proxy.faces[proxy.provenance != Provenance.COMPLETED]]] = True
+    guessed = np.isin(proxy.provenance, [Provenance.COMPLETED, Provenance.ESTIMATED])
+    known[place[proxy.faces[~guessed]]] = True
     vertices[(vertices[:, 2] < height_m) & ~known[place], 2] = 0.0
     return vertices
 

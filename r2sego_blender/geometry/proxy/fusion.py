@@ -36,6 +36,7 @@ from .proxy import GeometryProxy, Provenance
 
 _PLANE_SHARE = 3.0  # a chosen plane weighs this many times what is merely filled in
 _SAME_SURFACE = 0.03  # relative depth within which a capture sees a face
+_SAME_ESTIMATE = 0.08  # relative depth within which a capture's estimate is of a face
 _LEAST_COSINE = 0.1  # a capture that sees a face more edge-on than this says nothing for it
 _CELL_VOXELS = 2  # side of the cells that close the envelope
 _SAME_PLANE = 0.8  # cosine from which a face covers the envelope
@@ -60,8 +61,8 @@ def compose_proxy(
 
     ``completed`` belongs to ``captures`` one by one. A face is OBSERVED where a capture's
     trusted stereo lies on it, MEASURED where a sensor's depth does in more of them, PRIOR on an aligned
-    prior, else COMPLETED. Raises
-    GeometryError when no surface comes out.
+    prior, ESTIMATED where an estimator's depth lies on it in as many as other completed depth, else
+    COMPLETED. Raises GeometryError when no surface comes out.
     """
     if len(completed) != len(captures):
         raise GeometryError("every capture needs one completed depth map", cure="Run stereo again.")
@@ -104,7 +105,10 @@ def _empty_field(
     side of the room they may lie anywhere.
     """
     seen = [np.asarray(observed.points, np.float64).reshape(-1, 3)]
-    sure = [(view.seen | (view.source == DepthSource.PLANE)) & (view.depth > 0) for view in completed]
+    sure = [
+        (view.seen | (view.source == DepthSource.PLANE) | (view.source == DepthSource.ESTIMATED)) & (view.depth > 0)
+        for view in completed
+    ]
     depths = [view.depth[is_sure] for view, is_sure in zip(completed, sure, strict=True)]
     farthest_m = max((np.quantile(depth, 1 - _OUTLIERS) for depth in depths if len(depth)), default=0.0)
     for view, is_sure in zip(completed, sure, strict=True):
@@ -147,8 +151,14 @@ def _weighted(
     of_source = np.zeros(len(DepthSource), np.float32)
     of_source[DepthSource.OBSERVED] = of_source[DepthSource.MEASURED] = 1.0
     of_source[DepthSource.PLANE] = min(1.0, _PLANE_SHARE * filled)
+    of_source[DepthSource.ESTIMATED] = of_source[DepthSource.PLANE]
     of_source[DepthSource.ENVELOPE] = of_source[DepthSource.FILLED] = filled
-    views = [WeightedDepth(view.camera, view.depth, of_source[view.source]) for view in completed]
+    views = []
+    for view in completed:
+        weight = of_source[view.source]
+        if view.certainty is not None:
+            weight = np.where(view.source == DepthSource.ESTIMATED, weight * view.certainty, weight)
+        views.append(WeightedDepth(view.camera, view.depth, weight))
     for camera, depth, alpha in asset_depths:
         weight = np.where(alpha > _ASSET_ALPHA, alpha * settings.asset_weight, 0)
         views.append(WeightedDepth(camera, np.where(weight > 0, depth, 0), weight))
@@ -277,7 +287,27 @@ def face_evidence(
     )
     # Each capture whose stereo lies on a face halves the doubt, each chosen plane takes a fifth.
     confidence = 1.0 - 0.9 * 0.5 ** observed.astype(float) * 0.8 ** planar.astype(float)
+    by_estimate, certainty = _estimates_on(centroids, normals, completed)
+    confidence = np.where(by_estimate > 0, np.maximum(confidence, certainty), confidence)
     return support, observed, confidence.astype(np.float32)
+
+
+def _estimates_on(
+    centroids: np.ndarray, normals: np.ndarray, completed: Sequence[CompletedDepth]
+) -> tuple[np.ndarray, np.ndarray]:
+    """The number of captures (F,) uint16 whose estimated depth lies on each face, and the mean of its certainty
+    where it does (F,) float64, 0 elsewhere."""
+    count, total = np.zeros(len(centroids), np.uint16), np.zeros(len(centroids))
+    for view in completed:
+        if view.certainty is not None:
+            depth = np.where(view.source == DepthSource.ESTIMATED, view.depth, 0)
+            votes = collect_votes(centroids, [KnownDepth(view.camera, depth)], _SAME_ESTIMATE, normals, _LEAST_COSINE)
+            on = votes.agree > 0
+            u, v = view.camera.project(centroids[on])[0].astype(np.int64).T
+            u, v = u.clip(0, view.camera.width - 1), v.clip(0, view.camera.height - 1)
+            count[on] += 1
+            total[on] += view.certainty[v, u]
+    return count, total / np.maximum(count, 1)
 
 
 def _of_source(completed: Sequence[CompletedDepth], source: DepthSource) -> list[KnownDepth]:
@@ -304,6 +334,14 @@ def _with_evidence(
         centroids, normals = vertices[faces].mean(1), normals_and_areas(vertices, faces)[0]
         by_sensor = collect_votes(centroids, measured, _SAME_SURFACE, normals, _LEAST_COSINE).agree
         provenance[(observed > 0) & (2 * by_sensor > observed)] = Provenance.MEASURED
+    if any(view.certainty is not None for view in completed):
+        centroids, normals = vertices[faces].mean(1), normals_and_areas(vertices, faces)[0]
+        estimated, _ = _estimates_on(centroids, normals, completed)
+        others = [
+            KnownDepth(c.camera, np.where(c.seen | (c.source == DepthSource.ESTIMATED), 0, c.depth)) for c in completed
+        ]
+        completing = collect_votes(centroids, others, _SAME_ESTIMATE, normals, _LEAST_COSINE).agree
+        provenance[(observed == 0) & (estimated > 0) & (estimated >= completing)] = Provenance.ESTIMATED
     provenance[instance > 0] = Provenance.PRIOR
     return GeometryProxy(
         vertices.astype(np.float32), faces.astype(np.int32), provenance, support, confidence, instance, names

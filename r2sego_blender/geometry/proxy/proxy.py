@@ -21,6 +21,7 @@ class Provenance(IntEnum):
     PRIOR = 1
     COMPLETED = 2
     MEASURED = 3
+    ESTIMATED = 4
 
 
 PROVENANCE_COLOURS = {
@@ -28,8 +29,10 @@ PROVENANCE_COLOURS = {
     Provenance.PRIOR: (0.13, 0.62, 0.59),
     Provenance.COMPLETED: (0.90, 0.64, 0.20),
     Provenance.MEASURED: (0.42, 0.55, 0.80),
+    Provenance.ESTIMATED: (0.72, 0.45, 0.66),
 }
-"""Capture grey and prior teal as in the paper's figures, completed amber, a sensor's blue; sRGB in [0, 1]."""
+"""Capture grey and prior teal as in the paper's figures, completed amber, a sensor's blue, estimated mauve; sRGB
+in [0, 1]."""
 
 
 _INSTANCES = ("instance", "instance_names")

@@ -26,6 +26,16 @@ class DepthSource(IntEnum):
     ENVELOPE = 2
     FILLED = 3
     MEASURED = 4
+    ESTIMATED = 5
+
+
+_USUAL_SIGMA = 0.05
+
+
+def certainty_of(sigma: np.ndarray) -> np.ndarray:
+    """How much an estimate of relative ``sigma`` counts, float32 in (0, 1]: half where it is 5 % off."""
+    certainty: np.ndarray = 1.0 / (1.0 + np.square(sigma / np.float32(_USUAL_SIGMA)))
+    return certainty.astype(np.float32)
 
 
 @dataclass(frozen=True)
@@ -33,12 +43,14 @@ class CompletedDepth:
     """A capture's depth without holes.
 
     ``depth`` (H, W) float32 planar metres, 0 only where nothing at all is known; ``source``
-    (H, W) uint8 of ``DepthSource``; ``camera`` the camera of both.
+    (H, W) uint8 of ``DepthSource``; ``camera`` the camera of both. ``certainty`` (H, W) float32 in [0, 1] of pixels
+    that were ESTIMATED, 0 elsewhere; None where there is no estimate of the capture.
     """
 
     depth: np.ndarray
     source: np.ndarray
     camera: Camera
+    certainty: np.ndarray | None = None
 
     @property
     def seen(self) -> np.ndarray:
@@ -47,18 +59,27 @@ class CompletedDepth:
 
     def save(self, path: Path) -> None:
         """Write the maps and the camera as an uncompressed ``.npz``."""
-        save_arrays(path, depth=self.depth, source=self.source, camera=json.dumps(self.camera.to_json()))
+        maps = {"depth": self.depth, "source": self.source}
+        if self.certainty is not None:
+            maps["certainty"] = self.certainty
+        save_arrays(path, **maps, camera=json.dumps(self.camera.to_json()))
 
     @staticmethod
     def load(path: Path) -> CompletedDepth:
         """Read what ``save`` wrote. Raises GeometryError when the file is no completed depth."""
         with opened_arrays(path, GeometryError, "this is not a completed depth map") as data:
             camera = Camera.from_json(parse_json(str(data["camera"])))
-            maps = {name: data[name] for name in ("depth", "source")}
+            maps = {
+                name: data[name] for name in ("depth", "source", "certainty") if name != "certainty" or name in data
+            }
             require_shapes(maps, **dict.fromkeys(maps, f"{camera.height} {camera.width}"))
             require_between(0.0, FARTHEST_M, depth=maps["depth"])
             if maps["source"].dtype != np.uint8 or maps["source"].max(initial=0) > max(DepthSource):
                 raise ValueError("source tells of another origin")
+            if "certainty" in maps:
+                require_between(0.0, 1.0, certainty=maps["certainty"])
+            elif (maps["source"] == DepthSource.ESTIMATED).any():
+                raise ValueError("nothing says how certain the estimates are")
             return CompletedDepth(**maps, camera=camera)
 
 

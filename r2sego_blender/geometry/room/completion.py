@@ -6,7 +6,8 @@ homography, how well the plane agrees with reliable depth nearby (this capture's
 the others saw), and whether it stays clear of space the others saw to be free. The costs are
 aggregated along the image's edges by a guided filter. Where no plane is sure, depth that two
 captures agree on is taken although it matched badly; then a plane that convinces, the
-envelope of the room and, where there is none, the nearest completed depth. What the colours
+envelope of the room and, where there is none, the nearest completed depth; an estimator's depth
+takes the place of what is less sure than it. What the colours
 of the other captures contradict then moves nearer, patch by patch (``patch_depth``).
 """
 
@@ -25,11 +26,12 @@ from ...config.settings import Settings, StereoSettings
 from ...core.cameras import Camera
 from ...core.images import resize
 from ...core.progress import SILENT, Progress
+from ..estimators.aligned_depth import AlignedDepth
 from ..stereo.edges import aligned_to_edges
-from ..stereo.evidence import FREE_MARGIN, KnownDepth, collect_votes
+from ..stereo.evidence import FREE_MARGIN, KnownDepth, collect_votes, seen_by_others
 from ..stereo.stereo import DepthMap
 from ..stereo.weak_depth import weak_depth
-from .completed_depth import CompletedDepth, DepthSource
+from .completed_depth import CompletedDepth, DepthSource, certainty_of
 from .patch_depth import ColourView, nearer_depth
 from .planes import RoomPlanes
 
@@ -47,6 +49,12 @@ _CONTRADICTION = 0.5  # cost of each capture that saw through the plane
 _OUT_OF_VIEW = 2.0  # cost of a plane that cannot be seen at a pixel
 _CONVINCING = 1.0  # aggregated cost below which a plane is taken
 _SURE = 0.7  # aggregated cost above which weak depth is likelier than a plane
+# How far off completed depth is, relative, one sigma, where an estimate contradicts it: what is surer takes its place.
+_NEARBY_SIGMA, _PROBABLE_SIGMA = 0.06, 0.2
+_AGREED_SIGMA = 0.1
+_PLANE_SIGMA = 0.2  # at a cost of 1
+_ENVELOPE_SIGMA = 0.3
+_SIGMAS = 2.0  # of an estimate, within which it contradicts nothing
 _BEHIND_ENVELOPE_M = 0.05
 _NEAREST_M = 0.3
 _FARTHEST = 2.0
@@ -60,8 +68,10 @@ def complete_depth(
     planes: RoomPlanes,
     settings: Settings,
     progress: Progress = SILENT,
+    estimates: Sequence[AlignedDepth] = (),
 ) -> tuple[CompletedDepth, ...]:
-    """Every capture's depth map, completed at the size of its stereo depth."""
+    """Every capture's depth map, completed at the size of its stereo depth; ``estimates``, if any, one a capture
+    at that size."""
     trusted = trusted_depth(depth_maps, settings.stereo)
     weak = weak_depth(depth_maps, trusted, settings.stereo)
     views = [_View.of(*view) for view in zip(captures, depth_maps, trusted, weak, strict=True)]
@@ -69,7 +79,8 @@ def complete_depth(
     with progress.task("Completing depth", len(views)) as task:
         completed = []
         for index in range(len(views)):
-            completed.append(_completed(index, views, planes, farthest_m, settings))
+            estimate = estimates[index] if estimates else None
+            completed.append(_completed(index, views, planes, farthest_m, settings, estimate))
             task.advance()
     return tuple(completed)
 
@@ -118,7 +129,12 @@ class _View(ColourView):
 
 
 def _completed(
-    index: int, views: Sequence[_View], planes: RoomPlanes, farthest_m: float, settings: Settings
+    index: int,
+    views: Sequence[_View],
+    planes: RoomPlanes,
+    farthest_m: float,
+    settings: Settings,
+    estimate: AlignedDepth | None,
 ) -> CompletedDepth:
     view = views[index]
     others = [
@@ -129,13 +145,18 @@ def _completed(
     bound[bound > farthest_m] = 0.0
     last = np.where(bound > 0, bound + _BEHIND_ENVELOPE_M, farthest_m)
     anchor = _anchor(index, views)
+    scale: float | np.ndarray = _AGREEMENT_SCALE
+    if estimate is not None:
+        guessed = (anchor <= 0) & (estimate.depth > 0)
+        anchor = np.where(guessed, estimate.depth, anchor)
+        scale = np.where(guessed, np.maximum(scale, _SIGMAS * estimate.sigma), np.float32(scale))
     best_cost = np.full(view.camera.shape, np.inf, np.float32)
     best_depth = np.zeros(view.camera.shape, np.float32)
     for depth, row in zip(planes.depths(view.camera), planes.inverse_depth_rows(view.camera), strict=True):
         hidden = (depth < _NEAREST_M) | (depth > last)
         if hidden.all():
             continue
-        cost = _plane_cost(view, moments, others, depth, row, anchor)
+        cost = _plane_cost(view, moments, others, depth, row, anchor, scale)
         cost[hidden] = _OUT_OF_VIEW
         cost = _guided(view.grey, cost) + 0.15 * cost
         better = (cost < best_cost) & ~hidden
@@ -157,11 +178,27 @@ def _completed(
     ):
         depth[mask], source[mask] = values[mask], kind
     source[view.measured] = DepthSource.MEASURED
+    if estimate is not None:
+        doubt = np.full(view.camera.shape, np.inf, np.float32)
+        for mask, sigma in (
+            (on_envelope, _ENVELOPE_SIGMA),
+            (nearby, np.where(view.votes > _SURE_VOTES, _NEARBY_SIGMA, _PROBABLE_SIGMA)),
+            (on_plane, _PLANE_SIGMA * np.maximum(best_cost, 0.0)),
+            (agreed, _AGREED_SIGMA),
+            (observed, 0.0),
+        ):
+            doubt[mask] = np.broadcast_to(sigma, doubt.shape)[mask]
+        apart = np.abs(depth - estimate.depth) > _SIGMAS * estimate.sigma * estimate.depth
+        surer = (estimate.depth > 0) & (estimate.depth <= farthest_m) & apart & (estimate.sigma < doubt)
+        depth[surer], source[surer] = estimate.depth[surer], DepthSource.ESTIMATED
     depth = _filled(depth, observed)
     nearer = nearer_depth(view, [other for other, _, _ in others], depth)
     moved = nearer > 0
     depth[moved], source[moved] = nearer[moved], DepthSource.PLANE
-    return CompletedDepth(depth, source, view.camera)
+    if estimate is None:
+        return CompletedDepth(depth, source, view.camera)
+    certainty = np.where(source == DepthSource.ESTIMATED, certainty_of(estimate.sigma), np.float32(0.0))
+    return CompletedDepth(depth, source, view.camera, certainty)
 
 
 def overlapping(index: int, views: Sequence[Any], count: int) -> list[Any]:
@@ -188,20 +225,9 @@ def _nearest(depths: np.ndarray) -> np.ndarray:
 def _anchor(index: int, views: Sequence[_View]) -> np.ndarray:
     """(H, W) reliable depth: the capture's own, else what the others saw, where visible here."""
     view = views[index]
-    height, width = view.camera.shape
-    seen: np.ndarray = np.full(height * width, np.inf, np.float32)
-    for j, other in enumerate(views):
-        if j == index:
-            continue
-        pixels, depth = view.camera.project(other.camera.unproject(other.known)[other.known > 0])
-        inside = view.camera.sees(pixels, depth)
-        u, v = pixels[inside].astype(np.int64).T
-        np.minimum.at(seen, v * width + u, depth[inside].astype(np.float32))
-    seen = seen.reshape(height, width)
-    nearest = np.minimum(seen, np.where(view.known > 0, view.known, np.inf))
-    front = ndimage.minimum_filter(nearest, size=7)
-    visible = np.isfinite(seen) & (seen < front * 1.05)  # farther points show through gaps
-    return np.where(view.known > 0, view.known, np.where(visible, seen, 0)).astype(np.float32)
+    others = [KnownDepth(other.camera, other.known) for j, other in enumerate(views) if j != index]
+    seen = seen_by_others(view.camera, others, view.known)
+    return np.where(view.known > 0, view.known, seen).astype(np.float32)
 
 
 def _plane_cost(
@@ -211,9 +237,11 @@ def _plane_cost(
     depth: np.ndarray,
     row: np.ndarray,
     anchor: np.ndarray,
+    scale: float | np.ndarray,
 ) -> np.ndarray:
     """(H, W) float32 evidence against one plane, 0 (certain) and up; ``others`` are views
-    with what ``_depth_in`` says of them."""
+    with what ``_depth_in`` says of them; ``scale`` is the relative difference from ``anchor`` of full
+    disagreement."""
     width, height = view.camera.width, view.camera.height
     first = np.full((height, width), np.inf, np.float32)
     second = first.copy()
@@ -240,7 +268,7 @@ def _plane_cost(
         first = np.minimum(first, cost)
     # One view alone counts a quarter more than it says, none as much as the worst match.
     photo = np.where(np.isfinite(second), (first + second) / 2, np.minimum(first + 0.25, 1))
-    apart = np.abs(anchor - depth) / np.maximum(anchor, 1e-6) / _AGREEMENT_SCALE
+    apart = np.abs(anchor - depth) / np.maximum(anchor, 1e-6) / scale
     agreement = np.where(anchor > 0, np.minimum(apart, 1), _NO_EVIDENCE)
     cost = _PHOTO_WEIGHT * photo + _AGREEMENT_WEIGHT * agreement + _CONTRADICTION * contradictions
     return cost.astype(np.float32)

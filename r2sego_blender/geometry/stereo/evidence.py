@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 
 from ...core.cameras import Camera
 from ...core.compiled import inlined, parallel_kernel, prange
@@ -61,6 +62,25 @@ def collect_votes(
         depth = np.ascontiguousarray(view.depth, np.float32)
         _vote(points, normals, least_cosine, view.camera.centre.copy(), pose, lens, depth, tolerance, votes)
     return Votes(*votes)
+
+
+def seen_by_others(camera: Camera, others: Sequence[KnownDepth], own: np.ndarray) -> np.ndarray:
+    """(H, W) float32 depth in ``camera`` of what other captures know, where it is visible there; 0 elsewhere.
+
+    ``own`` (H, W) is what ``camera`` itself knows, 0 elsewhere: nothing is seen behind it.
+    """
+    height, width = camera.shape
+    seen: np.ndarray = np.full(height * width, np.inf, np.float32)
+    for other in others:
+        pixels, depth = camera.project(other.camera.unproject(other.depth)[other.depth > 0])
+        inside = camera.sees(pixels, depth)
+        u, v = pixels[inside].astype(np.int64).T
+        np.minimum.at(seen, v * width + u, depth[inside].astype(np.float32))
+    seen = seen.reshape(height, width)
+    nearest = np.minimum(seen, np.where(own > 0, own, np.inf))
+    front = ndimage.minimum_filter(nearest, size=7)
+    visible = np.isfinite(seen) & (seen < front * 1.05)  # farther points show through gaps
+    return np.where(visible, seen, 0).astype(np.float32)
 
 
 @parallel_kernel

@@ -50,7 +50,7 @@ def coloured(by: str, faces: ProxyFaces) -> Colouring | None:
 
 
 def _by_provenance(faces: ProxyFaces) -> Colouring:
-    labels = ("Observed by captures", "Shape prior", "Completed", "Measured by a sensor")
+    labels = ("Observed by captures", "Shape prior", "Completed", "Measured by a sensor", "Estimated")
     return Colouring(labels, tuple(PROVENANCE_COLOURS[p] for p in Provenance), _slots(faces.provenance))
 
 
@@ -102,7 +102,9 @@ class ColouringKind:
 
 COLOURINGS: Mapping[str, ColouringKind] = {
     "PROVENANCE": ColouringKind(
-        "Provenance", "Capture grey was observed, prior teal is a shape prior, amber was completed", _by_provenance
+        "Provenance",
+        "Capture grey was observed, prior teal is a shape prior, amber was completed, mauve estimated",
+        _by_provenance,
     ),
     "SUPPORT": ColouringKind("Support", "How many captures see a face", _by_support),
     "CONFIDENCE": ColouringKind("Confidence", "How sure a face is, from 0 to 1", _by_confidence),

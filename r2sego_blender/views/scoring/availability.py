@@ -18,7 +18,7 @@ from numba.core.types import float32, int64, void
 from ...core.cameras import Camera
 from ...core.compiled import inlined, kernel, parallel_kernel, prange
 from ...core.errors import GeometryError
-from ...geometry.proxy.proxy import GeometryProxy
+from ...geometry.proxy.proxy import GeometryProxy, Provenance
 from ...geometry.visibility.coverage import face_areas
 from ...geometry.visibility.face_sight import STEEP, FaceSight
 from ...geometry.visibility.projection import NEAR_M, place, screen_extent
@@ -43,7 +43,8 @@ class ValidityRenderer:
     """Scores views of one proxy. Raises GeometryError for a mesh that cannot be drawn.
 
     ``sight`` tells how well the captures saw its faces: what they saw as flatly as floor far off,
-    or more coarsely than a view shows it, is not available there. Without it support alone counts.
+    or more coarsely than a view shows it, is not available there, and of what was estimated the less
+    the less certain it is. Without it support alone counts.
     """
 
     def __init__(self, proxy: GeometryProxy, sight: FaceSight | None = None) -> None:
@@ -118,6 +119,9 @@ def _largest_px2(proxy: GeometryProxy, sight: FaceSight | None) -> np.ndarray:
     if sight is None:
         return np.where(proxy.support > 0, np.inf, 0.0)
     photographed_px2 = sight.density * face_areas(proxy.vertices, proxy.faces)
+    # An estimate is the farther off the more a view differs from the photograph: less of a stretch hides it.
+    estimated = proxy.provenance == Provenance.ESTIMATED
+    photographed_px2 = np.where(estimated, photographed_px2 * proxy.confidence, photographed_px2)
     steep = (proxy.support > 0) & (sight.cosine >= STEEP)
     return np.where(steep, photographed_px2 * _LARGEST_STRETCH**2, 0.0)
 

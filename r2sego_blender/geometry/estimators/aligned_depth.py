@@ -1,0 +1,45 @@
+"""An estimate brought to the registered poses: what of it is valid, and how sure it is. NumPy alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...bundle import layout
+from ...captures.per_capture import each_capture
+from ...core.arrays import opened_arrays, require_between, require_shapes, save_arrays
+from ...core.cameras import Camera
+from ...core.errors import GeometryError
+from ..stereo.observed_geometry import FARTHEST_M
+
+
+@dataclass(frozen=True)
+class AlignedDepth:
+    """``depth`` (H, W) float32 planar metres, 0 where the estimate is not valid; ``sigma`` (H, W) float32, its
+    relative standard deviation where it is; ``camera`` the camera of both."""
+
+    depth: np.ndarray
+    sigma: np.ndarray
+    camera: Camera
+
+    def save(self, path: Path) -> None:
+        """Write the maps and the camera as an uncompressed ``.npz``."""
+        save_arrays(path, depth=self.depth, sigma=self.sigma, **self.camera.to_arrays())
+
+    @staticmethod
+    def load(path: Path) -> AlignedDepth:
+        """Read what ``save`` wrote. Raises GeometryError when the file is none of it."""
+        with opened_arrays(path, GeometryError, "this is no aligned estimate") as data:
+            camera = Camera.from_arrays(data)
+            maps = {name: data[name] for name in ("depth", "sigma")}
+            require_shapes(maps, **dict.fromkeys(maps, f"{camera.height} {camera.width}"))
+            require_between(0.0, FARTHEST_M, **maps)
+            if (maps["sigma"][maps["depth"] > 0.0] <= 0.0).any():
+                raise ValueError("an estimate is said to be exact")
+            return AlignedDepth(**maps, camera=camera)
+
+
+ESTIMATED = each_capture(layout.ESTIMATED, AlignedDepth.load)
+"""The estimated depth of each capture, in the world's metres."""
