@@ -20,8 +20,9 @@ _LEAST_GAIN = 0.05  # of the median error by which a shift has to be better than
 _LEAST_SIGMA = 0.01  # what the known depth is off by itself
 _LARGEST_CHANGE = 20.0  # times the farthest known depth
 _BLOCKS = 6  # a side, of which half tell of the other half
-_REACH = 0.06  # sigma of what varies slowly, of the longest side
-_HALF_KNOWN = 0.02  # share of known pixels in that reach at which half of it is told
+_FEWEST = 10  # known pixels of a half that tell anything of the other
+_REACH = 0.04  # sigma of what varies slowly, of the longest side
+_HALF_KNOWN = 0.05  # share of known pixels in that reach at which half of it is told
 _LEAST_LOCAL_GAIN = 0.1
 _JUMP = 1.08  # ratio of neighbouring depths at an edge
 _EDGE_REACH = 0.012  # of the longest side
@@ -66,7 +67,7 @@ def aligned(depth: np.ndarray, sigma: np.ndarray, reference: np.ndarray) -> Alig
     Both are 0 where unknown. None where no scale brings them together.
     """
     both = (depth > 0.0) & (reference > 0.0)
-    found = fitted(depth[both].astype(np.float64), reference[both].astype(np.float64))
+    found = fitted(depth[both], reference[both])
     if found is None:
         return None
     metres = found.of(depth)
@@ -74,16 +75,15 @@ def aligned(depth: np.ndarray, sigma: np.ndarray, reference: np.ndarray) -> Alig
     both &= metres > 0.0
     if not both.any():
         return None
-    residual = np.zeros(depth.shape, np.float32)
-    residual[both] = np.log(reference[both] / metres[both])
+    residual = _residual(metres, reference, both)
     near_edge = beside_edges(metres)
-    level = _levels(metres, near_edge, residual / np.where(sigma > 0.0, sigma, 1.0), both)
-    told = _told_of_the_other_half(residual, both)
-    left = np.where(both, residual - told, 0.0)
-    if _spread(left[both]) < (1.0 - _LEAST_LOCAL_GAIN) * _spread(residual[both]):
+    unit = np.where(sigma > 0.0, sigma, 1.0)
+    alone, left = _of_the_other_half(depth, reference, both, residual)
+    level = _levels(metres, near_edge, alone / unit, both)
+    if _spread(left[both]) < (1.0 - _LEAST_LOCAL_GAIN) * _spread(alone[both]):
         slow, known_near = _slow(residual, both)
         metres = (metres * np.exp(slow)).astype(np.float32)
-        near_level = _levels(metres, near_edge, left / np.where(sigma > 0.0, sigma, 1.0), both)
+        near_level = _levels(metres, near_edge, left / unit, both)
         level = np.sqrt(known_near * near_level**2 + (1.0 - known_near) * level**2)
     relative = np.maximum(level * sigma, _LEAST_SIGMA) * _beyond(metres, reference[both])
     known = metres > 0.0
@@ -98,7 +98,7 @@ def fitted(depth: np.ndarray, reference: np.ndarray) -> Alignment | None:
     scale does.
     """
     every = max(1, len(depth) // _MOST_REFERENCES)
-    depth, reference = depth[::every], reference[::every]
+    depth, reference = (values[::every].astype(np.float64) for values in (depth, reference))
     if not len(depth):
         return None
     plain = Alignment(float(np.median(reference / depth)), 0.0, inverse=False)
@@ -181,16 +181,29 @@ def _slow(residual: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return total / (share + _HALF_KNOWN), share / (share + _HALF_KNOWN)
 
 
-def _told_of_the_other_half(residual: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """(H, W) what each half of the picture's blocks tells of the residuals in the other."""
-    side = max(1, round(max(residual.shape) / _BLOCKS))
-    rows, columns = np.indices(residual.shape) // side
+def _of_the_other_half(
+    depth: np.ndarray, reference: np.ndarray, known: np.ndarray, residual: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(H, W) residuals of each half of the picture's blocks by what the other half says alone: of its scale and
+    shift, and of what varies slowly besides. ``residual`` are those by all, for a half that nothing tells of."""
+    side = max(1, round(max(depth.shape) / _BLOCKS))
+    rows, columns = np.indices(depth.shape) // side
     half = (rows + columns) % 2 == 0
-    told = np.zeros(residual.shape, np.float32)
+    alone, left = residual.copy(), residual.copy()
     for one in (half, ~half):
-        if (known & ~one).any():
-            told[one] = _slow(residual, known & ~one)[0][one]
-    return told
+        teaching = known & ~one
+        by = fitted(depth[teaching], reference[teaching]) if teaching.sum() >= _FEWEST else None
+        if by is not None:
+            off = _residual(by.of(depth), reference, known)
+            alone[one] = off[one]
+            left[one] = (off - _slow(off, teaching)[0])[one]
+    return alone, left
+
+
+def _residual(metres: np.ndarray, reference: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """(H, W) float32 the logarithm of ``reference`` by ``metres`` where ``known``, 0 elsewhere."""
+    ratio = np.where(known, reference, 1.0) / np.where(known, np.maximum(metres, 1e-6), 1.0)
+    return np.where(known, np.log(ratio), 0.0).astype(np.float32)
 
 
 def _beyond(depth: np.ndarray, reference: np.ndarray) -> np.ndarray:

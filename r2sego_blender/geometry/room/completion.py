@@ -54,7 +54,7 @@ _NEARBY_SIGMA, _PROBABLE_SIGMA = 0.06, 0.2
 _AGREED_SIGMA = 0.1
 _PLANE_SIGMA = 0.2  # at a cost of 1
 _ENVELOPE_SIGMA = 0.3
-_SIGMAS = 2.0  # of an estimate, within which it contradicts nothing
+_SIGMAS = 3.0  # of an estimate, within which it contradicts nothing
 _BEHIND_ENVELOPE_M = 0.05
 _NEAREST_M = 0.3
 _FARTHEST = 2.0
@@ -145,18 +145,13 @@ def _completed(
     bound[bound > farthest_m] = 0.0
     last = np.where(bound > 0, bound + _BEHIND_ENVELOPE_M, farthest_m)
     anchor = _anchor(index, views)
-    scale: float | np.ndarray = _AGREEMENT_SCALE
-    if estimate is not None:
-        guessed = (anchor <= 0) & (estimate.depth > 0)
-        anchor = np.where(guessed, estimate.depth, anchor)
-        scale = np.where(guessed, np.maximum(scale, _SIGMAS * estimate.sigma), np.float32(scale))
     best_cost = np.full(view.camera.shape, np.inf, np.float32)
     best_depth = np.zeros(view.camera.shape, np.float32)
     for depth, row in zip(planes.depths(view.camera), planes.inverse_depth_rows(view.camera), strict=True):
         hidden = (depth < _NEAREST_M) | (depth > last)
         if hidden.all():
             continue
-        cost = _plane_cost(view, moments, others, depth, row, anchor, scale)
+        cost = _plane_cost(view, moments, others, depth, row, anchor, estimate)
         cost[hidden] = _OUT_OF_VIEW
         cost = _guided(view.grey, cost) + 0.15 * cost
         better = (cost < best_cost) & ~hidden
@@ -189,7 +184,7 @@ def _completed(
         ):
             doubt[mask] = np.broadcast_to(sigma, doubt.shape)[mask]
         apart = np.abs(depth - estimate.depth) > _SIGMAS * estimate.sigma * estimate.depth
-        surer = (estimate.depth > 0) & (estimate.depth <= farthest_m) & apart & (estimate.sigma < doubt)
+        surer = (estimate.depth > 0) & (estimate.depth <= last) & apart & (estimate.sigma < doubt)
         depth[surer], source[surer] = estimate.depth[surer], DepthSource.ESTIMATED
     depth = _filled(depth, observed)
     nearer = nearer_depth(view, [other for other, _, _ in others], depth)
@@ -237,11 +232,10 @@ def _plane_cost(
     depth: np.ndarray,
     row: np.ndarray,
     anchor: np.ndarray,
-    scale: float | np.ndarray,
+    estimate: AlignedDepth | None,
 ) -> np.ndarray:
     """(H, W) float32 evidence against one plane, 0 (certain) and up; ``others`` are views
-    with what ``_depth_in`` says of them; ``scale`` is the relative difference from ``anchor`` of full
-    disagreement."""
+    with what ``_depth_in`` says of them. An estimate counts by its certainty where there is no ``anchor``."""
     width, height = view.camera.width, view.camera.height
     first = np.full((height, width), np.inf, np.float32)
     second = first.copy()
@@ -268,8 +262,13 @@ def _plane_cost(
         first = np.minimum(first, cost)
     # One view alone counts a quarter more than it says, none as much as the worst match.
     photo = np.where(np.isfinite(second), (first + second) / 2, np.minimum(first + 0.25, 1))
-    apart = np.abs(anchor - depth) / np.maximum(anchor, 1e-6) / scale
+    apart = np.abs(anchor - depth) / np.maximum(anchor, 1e-6) / _AGREEMENT_SCALE
     agreement = np.where(anchor > 0, np.minimum(apart, 1), _NO_EVIDENCE)
+    if estimate is not None:
+        off = np.abs(estimate.depth - depth) / np.maximum(estimate.depth, 1e-6)
+        off /= np.maximum(_AGREEMENT_SCALE, 2.0 * estimate.sigma)
+        told = _NO_EVIDENCE + certainty_of(estimate.sigma) * (np.minimum(off, 1) - _NO_EVIDENCE)
+        agreement = np.where((anchor <= 0) & (estimate.depth > 0), told, agreement)
     cost = _PHOTO_WEIGHT * photo + _AGREEMENT_WEIGHT * agreement + _CONTRADICTION * contradictions
     return cost.astype(np.float32)
 
