@@ -22,7 +22,6 @@ from .estimated_depth import EstimatedDepth
 
 _FEWEST = 30  # pixels of known depth that an estimate is aligned by
 _LEAST_SINE = 0.02  # of the angle under which a sparse point was triangulated
-_LARGEST_OFF = 0.25  # relative; an estimate that is off by more shows something else
 
 
 def align_estimates(
@@ -99,7 +98,7 @@ def _shared(depth: np.ndarray, known: np.ndarray) -> int:
 
 
 def _taken(index: int, one: Aligned | None) -> dict[int, Aligned]:
-    return {index: one} if one is not None and one.off <= _LARGEST_OFF else {}
+    return {} if one is None else {index: one}
 
 
 def _bring_along(

@@ -18,6 +18,10 @@ _ROUNDS = 10
 _MOST_REFERENCES = 6000
 _LEAST_GAIN = 0.05  # of the median error by which a shift has to be better than none
 _LEAST_SIGMA = 0.01  # what the known depth is off by itself
+_LARGEST_OFF = 0.25  # relative; an estimate that is off by more shows something else
+_CLOSE = 0.08  # off by no more, it need not tell near from far: before a wall there is nothing to tell
+_EXPLAINS = 0.7  # of how far known depth lies apart, what an estimate may be off by
+_MOST_SIGMA = 0.25  # what is less sure says nothing
 _LARGEST_CHANGE = 20.0  # times the farthest known depth
 _BLOCKS = 6  # a side, of which half tell of the other half
 _FEWEST = 10  # known pixels of a half that tell anything of the other
@@ -64,13 +68,19 @@ class Aligned:
 def aligned(depth: np.ndarray, sigma: np.ndarray, reference: np.ndarray) -> Aligned | None:
     """``depth`` (H, W) in its own unit with the proportions of its ``sigma``, brought to ``reference`` (H, W) metres.
 
-    Both are 0 where unknown. None where no scale brings them together.
+    Both are 0 where unknown. None where no scale brings them together, and where one depth for all would explain
+    about as much.
     """
     both = (depth > 0.0) & (reference > 0.0)
     found = fitted(depth[both], reference[both])
     if found is None:
         return None
     metres = found.of(depth)
+    off = _TO_SIGMA * _off(found, depth[both], reference[both])
+    if off > _LARGEST_OFF or (
+        off > _CLOSE and off > _EXPLAINS * _spread(np.log(reference[both] / np.median(reference[both])))
+    ):
+        return None
     metres[metres > _LARGEST_CHANGE * reference.max()] = 0.0
     both &= metres > 0.0
     if not both.any():
@@ -86,8 +96,8 @@ def aligned(depth: np.ndarray, sigma: np.ndarray, reference: np.ndarray) -> Alig
         near_level = _levels(metres, near_edge, left / unit, both)
         level = np.sqrt(known_near * near_level**2 + (1.0 - known_near) * level**2)
     relative = np.maximum(level * sigma, _LEAST_SIGMA) * _beyond(metres, reference[both])
+    metres[relative > _MOST_SIGMA] = 0.0
     known = metres > 0.0
-    off = _spread(residual[both])
     return Aligned(metres, np.where(known, relative, 0.0).astype(np.float32), found, off)
 
 

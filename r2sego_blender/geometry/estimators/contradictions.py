@@ -13,6 +13,7 @@ from .aligned_depth import AlignedDepth
 
 _SIGMAS = 2.0  # by which an estimate may be off before it contradicts
 _WRONG_SIGMAS = 4.0  # of known depth, at which an estimate does not show what is there
+_MOST_DOUBT = 0.1
 _WINDOW = 0.02  # half side, of the longest side
 _MOSTLY = 0.5
 
@@ -32,7 +33,7 @@ def _against_trusted(index: int, estimates: Sequence[AlignedDepth], trusted: Seq
     others = [view for j, view in enumerate(trusted) if j != index]
     valid = (one.depth > 0.0) & ~_mostly_wrong(one, trusted[index].depth)
     behind = seen_by_others(one.camera, others, trusted[index].depth)
-    valid &= ~((behind > 0.0) & (one.depth > behind * (1.0 + FREE_MARGIN + _SIGMAS * one.sigma)))
+    valid &= ~((behind > 0.0) & (one.depth > behind * (1.0 + FREE_MARGIN + _SIGMAS * _doubt(one))))
     valid[valid] = ~_seen_through(one, valid, others, FREE_MARGIN)
     return _only(one, valid)
 
@@ -52,7 +53,7 @@ def _against_estimates(index: int, estimates: Sequence[AlignedDepth]) -> Aligned
 def _seen_through(one: AlignedDepth, asked: np.ndarray, others: Sequence[KnownDepth], tolerance: float) -> np.ndarray:
     """(n,) bool of the pixels ``asked``: more captures see through them, moved back by their doubt, than see them."""
     agree = collect_votes(one.camera.unproject(one.depth)[asked], others, tolerance).agree
-    farther = one.camera.unproject(one.depth * (1.0 + _SIGMAS * one.sigma))[asked]
+    farther = one.camera.unproject(one.depth * (1.0 + _SIGMAS * _doubt(one)))[asked]
     return collect_votes(farther, others, tolerance).through > agree
 
 
@@ -60,11 +61,16 @@ def _mostly_wrong(one: AlignedDepth, trusted: np.ndarray) -> np.ndarray:
     """(H, W) bool: around here most known depth says that the estimate shows something else."""
     both = (trusted > 0.0) & (one.depth > 0.0)
     off = np.abs(np.log(np.where(both, one.depth, 1.0) / np.where(both, trusted, 1.0)))
-    wrong = both & (off > FREE_MARGIN + _WRONG_SIGMAS * one.sigma)
+    wrong = both & (off > FREE_MARGIN + _WRONG_SIGMAS * _doubt(one))
     side = 2 * max(1, round(_WINDOW * max(one.depth.shape))) + 1
     share, known = (cv2.boxFilter(mask.astype(np.float32), -1, (side, side)) for mask in (wrong, both))
     mostly: np.ndarray = share > np.maximum(_MOSTLY * known, 1e-6)
     return mostly
+
+
+def _doubt(one: AlignedDepth) -> np.ndarray:
+    """(H, W) the estimate's sigma, as far as it excuses anything: what is wrong everywhere says it is unsure."""
+    return np.minimum(one.sigma, np.float32(_MOST_DOUBT))
 
 
 def _only(one: AlignedDepth, valid: np.ndarray) -> AlignedDepth:
