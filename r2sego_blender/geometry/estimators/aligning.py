@@ -17,6 +17,7 @@ from ...core.progress import SILENT, Progress
 from ..stereo.evidence import KnownDepth, seen_by_others
 from .aligned_depth import AlignedDepth
 from .alignment import Aligned, aligned
+from .averaging import brought_together
 from .contradictions import without_contradictions
 from .estimated_depth import EstimatedDepth
 
@@ -61,7 +62,7 @@ def align_estimates(
     kept = without_contradictions(placed, trusted)
     if found:
         progress.message(_in_words(found, placed, kept))
-    return kept
+    return brought_together(kept)
 
 
 def _at_size_of(estimate: EstimatedDepth, capture: Capture, camera: Camera) -> tuple[np.ndarray, np.ndarray]:

@@ -25,6 +25,8 @@ BUNDLE = "a.r2s"
 def build(folder: Path) -> None:
     """The bundle that the tests write, with what they leave out."""
     from r2sego_blender.captures.sensors.sensor_maps import SensorMap
+    from r2sego_blender.geometry.estimators.aligned_depth import AlignedDepth
+    from r2sego_blender.geometry.estimators.estimated_depth import EstimatedDepth
     from r2sego_blender.geometry.room.completed_depth import CompletedDepth
     from r2sego_blender.geometry.room.planes import RoomPlanes
     from r2sego_blender.geometry.stereo.stereo import DepthMap
@@ -43,6 +45,12 @@ def build(folder: Path) -> None:
     (path / layout.SENSOR_DEPTH).mkdir()
     SensorMap(depth, 0.01 * depth, lens).save(path / layout.SENSOR_DEPTH / "a.png.npz")
     CompletedDepth(depth, (depth > 0).astype(np.uint8), lens).save(path / "geometry/completed/a.png.npz")
+    estimated = np.full(lens.shape, 5, np.uint8)
+    CompletedDepth(depth, estimated, lens, depth / 4).save(path / "geometry/completed/b.png.npz")
+    for name in (layout.ESTIMATES, layout.ESTIMATED):
+        (path / name).mkdir()
+    EstimatedDepth(depth, depth / 2).save(path / layout.ESTIMATES / "a.png.npz")
+    AlignedDepth(depth, depth / 40, lens).save(path / layout.ESTIMATED / "a.png.npz")
     normals = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
     RoomPlanes(normals, np.array([0.0, -1.5]), np.array([50, 40]), np.array([True, True])).save(path / layout.PLANES)
     corners = np.array([[3.0, 3.0], [20.0, 4.0], [10.0, 20.0]])
@@ -136,11 +144,29 @@ def _sensor_depth(folder: Path) -> Any:
     return held.load(held.folder / "a.png.npz")
 
 
-def _completed(folder: Path) -> Any:
+def _estimates(folder: Path) -> Any:
+    from r2sego_blender.geometry.estimators.estimated_depth import ESTIMATES
+
+    held = Scene.open(folder / BUNDLE).read(ESTIMATES)
+    return held.load(held.folder / "a.png.npz")
+
+
+def _estimated(folder: Path) -> Any:
+    from r2sego_blender.geometry.estimators.aligned_depth import ESTIMATED
+
+    held = Scene.open(folder / BUNDLE).read(ESTIMATED)
+    return held.load(held.folder / "a.png.npz")
+
+
+def _completed(folder: Path, file: str = "a.png.npz") -> Any:
     from r2sego_blender.geometry.room.completed_depth import COMPLETED
 
     held = Scene.open(folder / BUNDLE).read(COMPLETED)
-    return held.load(held.folder / "a.png.npz")
+    return held.load(held.folder / file)
+
+
+def _completed_by_estimates(folder: Path) -> Any:
+    return _completed(folder, "b.png.npz")
 
 
 def _known_objects(folder: Path) -> Any:
@@ -238,6 +264,9 @@ HARNESSES = (
     _of("npz", "geometry/depth.npz", "geometry/depth/a.png.npz", _depth),
     _of("npz", "captures/depth.npz", f"{layout.SENSOR_DEPTH}/a.png.npz", _sensor_depth),
     _of("npz", "geometry/completed.npz", "geometry/completed/a.png.npz", _completed),
+    _of("npz", "geometry/completed-estimated.npz", "geometry/completed/b.png.npz", _completed_by_estimates),
+    _of("npz", "estimates/depth.npz", f"{layout.ESTIMATES}/a.png.npz", _estimates),
+    _of("npz", "geometry/estimated.npz", f"{layout.ESTIMATED}/a.png.npz", _estimated),
     _of("npz", "geometry/prior.npz", "geometry/priors/crate.npz", _artifact(_priors)),
     _of("json", "geometry/priors.json", "geometry/priors/priors.json", _known_objects),
     _of("npz", "geometry/edit.npz", "geometry/edits/hole.npz", _artifact(_edits)),

@@ -86,6 +86,15 @@ def _read_depth(folder: Path) -> Any:
     return depth
 
 
+def _read_recorded(folder: Path) -> Any:
+    from r2sego_blender.captures.sparse_points import SparsePoints
+    from r2sego_blender.geometry.estimators.backends import depth_estimator
+
+    nothing = SparsePoints(*(np.zeros((0, *rest)) for rest in ((3,), (3,), (1,), (), (1, 2))))
+    found = depth_estimator("recorded", folder=folder / "depth", inverse=True).estimate([_capture(folder)], nothing)
+    return found["a.png"].depth, found["a.png"].sigma
+
+
 def _confidence(folder: Path) -> None:
     _depth(".npy")(folder)
     (folder / "confidence").mkdir()
@@ -124,5 +133,6 @@ HARNESSES = (
     Harness("depth/npz", _depth(".npz"), "depth/a.npz", "npz", _read_depth),
     Harness("depth/packed.npz", _depth(".npz", compressed=True), "depth/a.npz", "npz", _read_depth),
     Harness("depth/exr", _depth(".exr"), "depth/a.exr", "bytes", _read_depth, share=0.04),
+    Harness("estimates/recorded.npy", _depth(".npy"), "depth/a.npy", "npy", _read_recorded),
     Harness("depth/confidence.png", _confidence, "confidence/a.png", "png", _read_depth),
 )
