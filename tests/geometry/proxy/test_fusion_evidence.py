@@ -1,5 +1,6 @@
 """What each depth weighs in the fused surface, and what a face owes to which capture, in closed form."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,12 +19,19 @@ from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 CAMERA = Camera(120, 90, 100.0, 100.0, 60.0, 45.0, look_at((0.0, 0.0, 1.0), (0.0, 2.0, 1.0)))
 NO_PLANES = RoomPlanes(np.zeros((0, 3)), np.zeros(0), np.zeros(0, int), np.zeros(0, bool))
 OBSERVED, PLANE, FILLED = DepthSource.OBSERVED, DepthSource.PLANE, DepthSource.FILLED
+ESTIMATED = DepthSource.ESTIMATED
 
 
 def wall(depth_m, source):
     """A wall at y = ``depth_m``, a number or (H, W), as the camera sees it."""
     depth = np.broadcast_to(np.asarray(depth_m, np.float32), CAMERA.shape)
     return CompletedDepth(depth.copy(), np.broadcast_to(np.uint8(source), CAMERA.shape).copy(), CAMERA)
+
+
+def estimate(depth_m, certainty, source=ESTIMATED):
+    """A wall that an estimator put there, where ``source`` says so."""
+    one = wall(depth_m, source)
+    return replace(one, certainty=np.where(one.source == ESTIMATED, np.float32(certainty), np.float32(0.0)))
 
 
 def fused(views, asset_depths=(), **settings):
@@ -99,3 +107,29 @@ def test_a_capture_speaks_for_the_faces_whose_front_it_sees():
         found = face_evidence(vertices, faces, MeshRasterizer(vertices, faces), [*views, *flat])
         assert [part.tolist() for part in found[:2]] == [[support], [observed]]
         assert found[2] == pytest.approx(1.0 - 0.9 * 0.5**observed * 0.8**planar)
+
+
+def test_an_estimate_weighs_as_a_plane_by_its_certainty():
+    found = centroids(fused([wall(2.0, FILLED), estimate(2.04, 0.5)]))[:, 1]
+    assert np.median(found) == pytest.approx(2.0 + 0.04 * 0.15 / 0.25, abs=5e-4)
+
+
+def test_faces_are_estimated_where_nothing_was_seen_and_as_certain_as_the_estimate():
+    half = np.where(np.arange(CAMERA.width) < 60, OBSERVED, ESTIMATED)
+    proxy = fused([estimate(2.0, 0.7, half)])
+    x = centroids(proxy)[:, 0]
+    assert (np.abs(x) > 0.1).sum() > 500
+    assert (proxy.provenance[x < -0.1] == Provenance.OBSERVED).all()
+    assert (proxy.provenance[x > 0.1] == Provenance.ESTIMATED).all()
+    assert np.allclose(proxy.confidence[x > 0.1], 0.7, atol=1e-6)
+
+
+def test_what_captures_see_through_is_carved_though_it_was_estimated():
+    beside = Camera(120, 90, 100.0, 100.0, 60.0, 45.0, look_at((0.5, 0.0, 1.0), (0.0, 2.0, 1.0)))
+    rays = beside.unproject(np.ones(beside.shape)) - beside.centre
+    seen = CompletedDepth((3.0 / rays[..., 1]).astype(np.float32), np.full(beside.shape, np.uint8(OBSERVED)), beside)
+    proxy = fused([estimate(1.5, 0.9), seen, seen])
+    asked = beside.sees(*beside.project(centroids(proxy)))
+    assert asked.sum() > 500 and (centroids(proxy)[asked, 1] > 2.5).all()
+    alone = fused([estimate(1.5, 0.9)])
+    assert (centroids(alone)[:, 1] < 1.6).all()

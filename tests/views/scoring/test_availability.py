@@ -1,5 +1,7 @@
 """Validity against the structural conditions' rasteriser, sample by sample."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from room_meshes import observed_proxy
@@ -7,6 +9,7 @@ from room_meshes import observed_proxy
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import GeometryError
 from r2sego_blender.generation.conditions.conditions import ZBufferRenderer
+from r2sego_blender.geometry.proxy.proxy import Provenance
 from r2sego_blender.geometry.visibility.face_sight import face_sight
 from r2sego_blender.views.scoring.availability import SAMPLES, ValidityRenderer
 
@@ -103,6 +106,24 @@ def test_a_surface_is_available_up_to_four_pixels_for_one_of_a_photograph(share,
         (supported,) = ValidityRenderer(proxy).available_shares([view.scaled(scale)], 0.8, scale)
         # Faces on the rim are narrower than the capture's pixels.
         assert found == pytest.approx(supported if available else 0.0, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("certainty", "share", "available"), [(0.5, 0.65, True), (0.5, 0.75, False), (0.1, 0.4, False)]
+)
+def test_an_estimate_is_available_up_to_its_certainty_of_that(certainty, share, available):
+    photographed_m = 4.0
+    proxy, sight = floor_and_sight((0.0, 0.0, photographed_m))
+    count = len(proxy.faces)
+    proxy = replace(
+        proxy,
+        provenance=np.full(count, Provenance.ESTIMATED, np.uint8),
+        confidence=np.full(count, certainty, np.float32),
+    )
+    view = LENS.at(look_at((0.0, 0.0, photographed_m / (4.0 * share)), (0.001, 0, 0)))
+    (found,) = ValidityRenderer(proxy, sight).available_shares([view], 0.8)
+    (supported,) = ValidityRenderer(proxy).available_shares([view], 0.8)
+    assert found == pytest.approx(supported if available else 0.0, rel=0.1)
 
 
 def test_a_surface_that_captures_saw_flatly_is_not_available():
