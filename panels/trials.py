@@ -45,21 +45,21 @@ class R2SEGO_PT_trials(Step, bpy.types.Panel):
             draw_problem(context, layout, facts.problem)
         if facts.plan is None:
             return
-        self._draw_study(context, facts)
+        self._draw_study(context, facts, group.live)
         if group.live is None:
             self._draw_start(layout, group, facts)
         else:
             self._draw_live(context, group.live, facts.plan.rules)
 
-    def _draw_study(self, context, facts):
+    def _draw_study(self, context, facts, live):
         plan, column = facts.plan, self.layout.column(align=True)
         lines = [("Study", plan.name), ("Plan", f"{len(plan.trials)} trials, {plan.digest[:12]}")]
         if facts.state.ended:
             lines.append(("Ended", f"{facts.state.ended[:10]}: {facts.state.reason}"))
-        elif facts.next is not None:
-            lines.append(("Next", f"Trial {facts.next.number}: {facts.next.label}"))
-        else:
-            lines.append(("Next", "Every trial was run"))
+        elif live is None:
+            following = facts.next
+            told = f"Trial {following.number}: {following.label}" if following is not None else "Every trial was run"
+            lines.append(("Next", told))
         write_facts(context, column, lines)
         row = self.layout.row(align=True)
         row.operator("r2sego.show_trial_poses", text="Poses", icon="EMPTY_ARROWS")

@@ -26,6 +26,9 @@ def hear(followed: Job, data: Mapping[str, Any]) -> None:
         return
     study = str(followed.notes.get("properties", {}).get("study", ""))
     before, _told = _told, (study, live)
+    shown = bpy.context.window_manager.r2sego_job
+    shown.task = f"{trial_name(live.index)} of {live.total}".capitalize()
+    shown.fraction = live.index / max(1, live.total)
     if before is None or before[0] != study or (before[1].index, before[1].state) != (live.index, live.state):
         for scene in bpy.data.scenes:
             if scene.library is None and facts.study_path(scene) == study:

@@ -26,6 +26,7 @@ from ...core.scratch import ScratchFolder
 from ...workers.child import call_in_child
 from .features import Features
 from .overlap import Matched
+from .subpixel import align_matches
 
 NAME = "XFeat and LighterGlue"
 
@@ -58,7 +59,7 @@ def match_xfeat(
     """The matches of the pairs ``among`` images (H, W, 3), uint8 or float32 in [0, 1].
 
     A pair has ``min_matches`` of them, of which ``least_expected`` are right as LighterGlue itself
-    estimates: the sum of their probabilities. None, and said so, where the
+    estimates: the sum of their probabilities. The photographs say where they are exactly. None, and said so, where the
     packages are missing or do not run.
     """
     if not runs():
@@ -80,13 +81,16 @@ def match_xfeat(
             progress.message(f"{NAME} do not run: photographs are matched with SIFT alone. {error}", level="warning")
             return None
         with np.load(Path(folder, "matches.npz"), allow_pickle=False) as data:
-            features = [
-                Features(data[f"keypoints_{index}"] * _stretch(image, seen), np.zeros((0, 128), np.uint8))
-                for index, (image, seen) in enumerate(zip(images, small, strict=True))
-            ]
+            none = np.zeros((0, 128), np.uint8)
+            features = [Features(data[f"keypoints_{index}"], none) for index in range(len(small))]
             pairs = {(i, j): data[f"matches_{i}_{j}"] for i, j in among if f"matches_{i}_{j}" in data.files}
+        found = align_matches(small, Matched(features, pairs))
         task.advance()
-    return Matched(features, pairs)
+    features = [
+        Features(one.keypoints * _stretch(image, seen), one.descriptors)
+        for one, image, seen in zip(found.features, images, small, strict=True)
+    ]
+    return Matched(features, found.pairs)
 
 
 def _scaled(image: np.ndarray) -> np.ndarray:

@@ -164,7 +164,7 @@ def _state(study: Path, entry: Entry) -> str:
 
 def _row(one: dict[str, Any]) -> str:
     by_hand = f" by {one['manual']}" if one["manual"] else ""
-    reasons = "; ".join(text for _, text in one["reasons"])
+    reasons = "; ".join(f"{kind.lower().replace('_', ' ')}: {text}" for kind, text in one["reasons"])
     return f"{one['file']}  trial {one['trial']:3d}  {one['outcome'].lower():8}{by_hand}  {one['state']}  {reasons}"
 
 

@@ -172,7 +172,7 @@ class Session:
         trial = self._trial = Trial(about, self._index, self._clock)
         going_on = False
         while not going_on:
-            heard, acts = self._tick(planned, trial.state, _WORDS[trial.state])
+            heard, acts = self._tick(planned, trial.state, f"{trial.refused} {_WORDS[trial.state]}".lstrip())
             trial.hear(heard)
             for told in acts:
                 going_on |= trial.state is State.JUDGED and told.control in (Control.NEXT, Control.STOP)
@@ -231,7 +231,7 @@ class Session:
             lost_share=lost_share,
             emergency_stop=self._monitor.emergency_stop,
             elapsed_s=0.0 if trial is None else trial.elapsed_s,
-            support_s=self._monitor.supported_s(now_ns) if state is State.RUNNING else 0.0,
+            support_s=self._supported_s(state, now_ns),
             outcome=None if self._judgement is None else self._judgement.outcome,
             reasons=self._reasons,
             counts=None if self.plan.blinded else self._counts,
@@ -241,6 +241,13 @@ class Session:
             self._shown, self._shown_ns = (state, live.record), now_ns
             self._show(live)
         return live
+
+    def _supported_s(self, state: State, now_ns: int) -> float:
+        """The support so far; of a judged trial the one that was judged."""
+        judged = None if self._trial is None else self._trial.judgement
+        if judged is not None:
+            return judged.support_s
+        return self._monitor.supported_s(now_ns) if state is State.RUNNING else 0.0
 
     def _is_tethered(self, planned: PlannedTrial) -> bool:
         return is_tethered(planned, self.plan, [entry.ended for entry in self._entries])

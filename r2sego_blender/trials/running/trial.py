@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 from ...core.digests import content_digest
+from ...core.errors import TrialError
 from ..events import EventKind
 from ..judging.manual import manual_judgement
 from ..line.decoding import Sample
@@ -33,7 +34,7 @@ _EVENTS = {
 
 
 class Trial:
-    """One trial, from when it is armed; ``state`` says where it stands.
+    """One trial, from when it is armed; ``state`` says where it stands, ``refused`` why a judgement is none.
 
     What is heard of the line is recorded until shortly after its end, what the operator tells until it is closed.
     The record's file and its line in ``index`` are there before this is. Raises OSError.
@@ -43,6 +44,7 @@ class Trial:
         self.about = about
         self.state = State.ARMED
         self.judgement: Judgement | None = None
+        self.refused = ""
         self._index, self._clock = index, clock
         self.file = index.folder / file_name(about.number)
         self._writer = RecordWriter(self.file, about.to_json())
@@ -83,7 +85,14 @@ class Trial:
             self._event(EventKind.ABORTED, told.text())
             self._end()
         elif control is Control.JUDGE and state is State.JUDGED and self.judgement is not None:
-            self._count(manual_judgement(self.judgement, told.text("outcome"), told.text("by"), told.text()))
+            self._judge_by_hand(self.judgement, told)
+
+    def _judge_by_hand(self, judgement: Judgement, told: Told) -> None:
+        try:
+            self._count(manual_judgement(judgement, told.text("outcome"), told.text("by"), told.text()))
+            self.refused = ""
+        except TrialError as error:  # a word that was mistyped ends no session
+            self.refused = str(error)
 
     def close(self) -> None:
         """Finish the record. One that is not over is left as it is: cut off."""

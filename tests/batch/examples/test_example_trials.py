@@ -31,7 +31,7 @@ def declaration(tmp_path):
         for condition, digit in (("GaussGym", "a"), ("R2S-EGO", "b"))
     )
     file = tmp_path / "chairs.toml"
-    file.write_text(f'name = "Chairs"\ntrials = 2\n[rules]\nsupport_s = 0.5\n{policies}')
+    file.write_text(f'name = "Chairs"\ntrials = 2\n[rules]\nsupport_s = 2.0\n{policies}')
     return file
 
 

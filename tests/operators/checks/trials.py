@@ -162,6 +162,8 @@ def check_a_session_is_followed_ten_times_a_second_and_its_poses_move_on():
     wait_until(lambda: following._tick() and group().live is not None and group().live.index == 2)
     assert following._tick() == 0.1
     assert group().live == lives[1]
+    shown = bpy.context.window_manager.r2sego_job
+    assert shown.task == "Trial 3 of 4" and abs(shown.fraction - 0.5) < 1e-6
     trial = plan.trials[2]
     shown = poses()
     assert set(shown) == {"Robot, trial 3", f"{trial.chair}, trial 3"}
