@@ -118,7 +118,7 @@ class Session:
         return hello is not None and hello.device == DEVICE
 
     def _test(self, planned: PlannedTrial) -> bool:
-        """The device's self-test, once after each time that it was plugged in."""
+        """The device's self-test, once after each time that it was plugged in or began anew."""
         while not self._tested and not self._stopping:
             assert self._connection.hello is not None
             test = SelfTest(self._connection.hello, self._calibration)
@@ -143,7 +143,7 @@ class Session:
         words = f"Set up robot and chair as shown, the tether {tether}; then arm."
         while not self._stopping:
             heard, acts = self._tick(planned, State.SET_UP, words)
-            if heard.lost:
+            if heard.lost or not self._tested:
                 return False
             if any(told.control is Control.ARM for told in acts):
                 return True
@@ -169,7 +169,7 @@ class Session:
             line.url,
             self._is_simulated,
         )
-        trial = self._trial = Trial(about, self._index, self._clock)
+        trial = self._trial = Trial(about, self._index, self._clock, self._connection.rest)
         going_on = False
         while not going_on:
             heard, acts = self._tick(planned, trial.state, f"{trial.refused} {_WORDS[trial.state]}".lstrip())
@@ -199,8 +199,10 @@ class Session:
 
     def _tick(self, planned: PlannedTrial, state: State, words: str) -> tuple[Heard, list[Told]]:
         """Listen for a moment, show what is there, and ask what the operator did."""
+        before = self._connection.hello
         heard = self._connection.hear(TICK_S)
         if self._connection.hello is not None:
+            self._tested &= before is None or before.boot == self._connection.hello.boot
             samples = [message for message in heard.messages if isinstance(message, Sample)]
             self._monitor.add(samples, self._connection.hello)
         if heard.lost:

@@ -147,3 +147,25 @@ def test_real_and_simulated_trials_do_not_stand_in_one_study(tmp_path):
     with pytest.raises(TrialError):
         run_simulated(study, plan)
     assert len(index.entries()) == 1
+
+
+def test_a_device_that_began_anew_is_tested_again_before_the_next_trial(tmp_path):
+    plan, study = freeze_plan(declared(tmp_path, "trials = 1", "support_s = 2.0"))
+    clock = SimulatedClock()
+    bench, states = SimulatedBench(clock), []
+    inner = SimulatedOperator(plan, bench, clock, lambda trial, tried: "success")
+
+    def acts(live):
+        if not states or states[-1] is not live.state:
+            states.append(live.state)
+            if states.count(State.SET_UP) == 1:
+                bench.play("reset" if live.state is State.SET_UP else "idle")  # after three seconds, of a sitting robot
+        if states.count(State.SET_UP) == 1 and live.state is State.SET_UP:
+            return []
+        if live.state is State.JUDGED:
+            return [Told(Control.STOP, {})]
+        return inner.acts(live)
+
+    operator = SimpleNamespace(acts=acts)
+    Session(study, Connection(bench.open_line, clock), simulated_calibration(), operator, clock=clock).run()
+    assert states[:5] == [State.WAITING, State.SELF_TEST, State.SET_UP, State.SELF_TEST, State.SET_UP]
