@@ -120,11 +120,11 @@ def open_device(url: str, adapter: Adapter | None = None, baud: int | None = Non
     import serial
 
     adapter = adapter or AsciiStream()
-    options: dict[str, Any] = {"baudrate": baud or adapter.baud, "timeout": _READ_S, "exclusive": True}
-    if not url.lower().startswith("rfc2217:"):  # which has one of its own, and takes no other
-        options["write_timeout"] = _ANSWER_S
+    # Read without waiting: what pyserial read before it met the end within one call would be lost. Ports by
+    # RFC 2217 give one byte a call then, and have a time for writing of their own.
+    options = {"timeout": _READ_S} if url.lower().startswith("rfc2217:") else {"timeout": 0, "write_timeout": _ANSWER_S}
     try:
-        port = serial.serial_for_url(url, **options)
+        port = serial.serial_for_url(url, baudrate=baud or adapter.baud, exclusive=True, **options)
     except Exception as error:  # as in reading; a wrong URL is a ValueError or an AttributeError of pyserial's
         raise TrialError(f"the device cannot be opened: {error}", where=url, cure=_cure(error)) from error
     return Device(port, url, adapter)

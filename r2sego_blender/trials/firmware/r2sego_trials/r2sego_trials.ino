@@ -8,8 +8,10 @@
 //   pin 6       a contact of the emergency button that is closed while the circuit is, to ground: a cut wire
 //               reads as pressed
 //
+// A sample is sent with each conversion at the tether, whose own clock says when; the seat's count is its newest.
 // No library is needed. 80 Hz fits 115,200 baud; a converter of 1 kHz needs a board with USB of its own, or
-// 460,800 baud and `r2sego trials ... --baud`. For other converters write read_channel anew.
+// 460,800 baud and `--baud 460800`. For other converters write is_ready and read_counts anew; a board without
+// EEPROM wants another next_boot.
 
 #include <Arduino.h>
 #include <EEPROM.h>
@@ -19,19 +21,20 @@
 const char DEVICE[] = "cells-1";  // another for each board
 const char FIRMWARE[] = "1.0";
 const uint32_t BAUD = 115200;
-const uint16_t RATE_HZ = 80;
 const uint8_t DATA_PINS[] = {2, 4};
 const uint8_t CLOCK_PINS[] = {3, 5};
 const uint8_t EMERGENCY_PIN = 6;
 const r2sego::Channel CHANNELS[] = {{"tether", -8388608, 8388607}, {"seat", -8388608, 8388607}};
 const uint8_t COUNT = sizeof(CHANNELS) / sizeof(CHANNELS[0]);
-const uint32_t PERIOD_US = 1000000UL / RATE_HZ;
-const uint32_t WAIT_US = PERIOD_US / 4;  // the converters' own clocks are a little off
+const uint32_t SECOND_US = 1000000UL;
+const uint32_t STALE_US = 40000UL;  // three conversions at 80 Hz
 
 uint32_t boot = 0;
+uint32_t rate_hz = 0;
 uint16_t sequence = 0;
-uint32_t due_us = 0;
 uint32_t hello_us = 0;
+uint32_t sent_us = 0;
+uint32_t read_us[COUNT] = {0};
 int32_t raw[COUNT] = {0};
 
 // Counts of boots live in the EEPROM: another number after each start.
@@ -42,12 +45,10 @@ uint32_t next_boot() {
   return last + 1;
 }
 
-// 24 bits of one HX711, gain 128; false where it had none ready in time.
-bool read_channel(uint8_t channel, int32_t &counts) {
-  const uint32_t began_us = micros();
-  while (digitalRead(DATA_PINS[channel]) == HIGH) {
-    if (micros() - began_us > WAIT_US) return false;
-  }
+bool is_ready(uint8_t channel) { return digitalRead(DATA_PINS[channel]) == LOW; }
+
+// 24 bits of an HX711 that is ready, gain 128.
+int32_t read_counts(uint8_t channel) {
   uint32_t bits = 0;
   noInterrupts();  // a clock pulse of more than 60 us sends the converter to sleep
   for (uint8_t bit = 0; bit < 25; ++bit) {  // the 25th asks for gain 128 next time
@@ -58,8 +59,19 @@ bool read_channel(uint8_t channel, int32_t &counts) {
     delayMicroseconds(1);
   }
   interrupts();
-  counts = (int32_t)(bits ^ 0x800000UL) - 0x800000L;
-  return true;
+  return (int32_t)(bits ^ 0x800000UL) - 0x800000L;
+}
+
+// Takes what is ready; whether the tether was.
+bool read_channels() {
+  bool tether = false;
+  for (uint8_t channel = 0; channel < COUNT; ++channel) {
+    if (!is_ready(channel)) continue;
+    raw[channel] = read_counts(channel);
+    read_us[channel] = micros();
+    tether |= channel == 0;
+  }
+  return tether;
 }
 
 void setup() {
@@ -71,24 +83,28 @@ void setup() {
   }
   pinMode(EMERGENCY_PIN, INPUT_PULLUP);
   boot = next_boot();
-  due_us = micros();
-  hello_us = due_us - 1000000UL;
+  const uint32_t began_us = micros();
+  while (micros() - began_us < SECOND_US) rate_hz += read_channels() ? 1 : 0;  // converters' clocks are 10 % off
+  if (rate_hz == 0) rate_hz = 1;  // no converter: the samples will say so
+  sent_us = micros();
+  hello_us = sent_us - SECOND_US;
 }
 
 void loop() {
-  if ((int32_t)(micros() - due_us) < 0) return;
-  due_us += PERIOD_US;
-  if (micros() - hello_us >= 1000000UL) {
-    hello_us = micros();
-    r2sego::send_hello(Serial, DEVICE, FIRMWARE, boot, RATE_HZ, CHANNELS, COUNT);
+  if (micros() - hello_us >= SECOND_US) {
+    hello_us += SECOND_US;
+    r2sego::send_hello(Serial, DEVICE, FIRMWARE, boot, rate_hz, CHANNELS, COUNT);
   }
+  const bool tether = read_channels();
+  const uint32_t now_us = micros();
+  if (!tether && now_us - sent_us < STALE_US) return;
+  sent_us = now_us;
   uint8_t flags = digitalRead(EMERGENCY_PIN) == HIGH ? r2sego::EMERGENCY_STOP : 0;
-  const uint32_t t_us = micros();
   for (uint8_t channel = 0; channel < COUNT; ++channel) {
-    if (!read_channel(channel, raw[channel])) flags |= r2sego::SENSOR_FAULT;  // its count stays the one before
+    if (now_us - read_us[channel] >= STALE_US) flags |= r2sego::SENSOR_FAULT;  // its count stays the one before
     if (raw[channel] <= CHANNELS[channel].lowest || raw[channel] >= CHANNELS[channel].highest) {
       flags |= r2sego::SATURATED;
     }
   }
-  r2sego::send_sample(Serial, sequence++, t_us, raw, COUNT, flags);
+  r2sego::send_sample(Serial, sequence++, now_us, raw, COUNT, flags);
 }
