@@ -242,7 +242,8 @@ class Session:
             simulated=self._is_simulated,
         )
         if (state, live.record) != self._shown or now_ns - self._shown_ns >= _SHOW_NS:
-            self._shown, self._shown_ns = (state, live.record), now_ns
+            self._shown = state, live.record
+            self._shown_ns = max(self._shown_ns + _SHOW_NS, now_ns - _SHOW_NS)  # ticks are no divisor of it
             self._show(live)
         return live
 

@@ -19,6 +19,7 @@ from r2sego_blender.trials.running.controls import Control, send
 from r2sego_blender.trials.running.live import LIVE_EVENT, Live, State
 from r2sego_blender.workers.engine import engine_environment
 
+PATIENT = "support_s = 2.0\nmax_silence_ms = 5000.0\nmax_drift = 0.1"  # a busy machine may read late
 TERMINALS = pytest.mark.skipif(sys.platform == "win32", reason="no terminals of Unix")
 
 
@@ -87,7 +88,7 @@ def command(study, url, *options):
 @TERMINALS
 @pytest.mark.slow
 def test_blender_follows_and_tells_a_session(tmp_path):
-    _, study = freeze_plan(declared(tmp_path, "trials = 1", "support_s = 2.0"))
+    _, study = freeze_plan(declared(tmp_path, "trials = 1", PATIENT))
     device, seen = simulated_device("idle"), []
     with device as url:
         process = subprocess.Popen(
@@ -122,7 +123,7 @@ def test_a_trial_is_run_by_keys_at_a_terminal_which_is_left_as_it_was(tmp_path):
     import pty
     import termios
 
-    _, study = freeze_plan(declared(tmp_path, "trials = 1"))
+    _, study = freeze_plan(declared(tmp_path, "trials = 1", PATIENT))
     device = simulated_device("idle")
     ours, theirs = pty.openpty()
     before = termios.tcgetattr(theirs)
