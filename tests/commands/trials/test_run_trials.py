@@ -110,7 +110,7 @@ def test_blender_follows_and_tells_a_session(tmp_path):
             elif live.state is State.JUDGED and is_new:
                 send(study, Control.STOP)
         assert process.wait(30) == 0
-    assert event == {"event": "result", "records": 1, "success": 1}
+    assert event == {"event": "result", "records": 1, "success": 1, "failure": 0, "unusable": 0}
     assert seen[-1].state is State.FINISHED and seen[-1].outcome is Outcome.SUCCESS
     running = [live for live in seen if live.state is State.RUNNING]
     assert len(running) / running[-1].elapsed_s == pytest.approx(10.0, rel=0.3)  # ten times a second
