@@ -321,4 +321,4 @@ def test_new_goes_on_to_the_refined_scene_where_it_is_asked(tmp_path):
     told = dict(line.split(": ", 1) for line in made.stdout.splitlines())
     assert told["scene"] == str(room) and all(Path(told[name]).exists() for name in ("asset", "collision", "report"))
     opened = Scene.open(room)
-    assert opened.declaration.preset == "preview" and opened.declaration.overrides["rounds"] == 1
+    assert opened.declaration.preset == "preview" and opened.declaration.settings.rounds == 1
