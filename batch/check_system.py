@@ -1,7 +1,7 @@
 """What tests need of the system and pip does not bring: name it in one line, or install it.
 
-pip's bpy wants libraries of X11 and GL, EEVEE aborts its process without EGL, one test asks ``ps``, and what
-watches the network is strace.
+pip's bpy wants libraries of X11 and GL, EEVEE aborts its process without EGL, one test asks ``ps``, what
+watches the network is strace, and a trial's firmware is tried as g++ compiles it.
 Needs only the standard library, so that it can run before anything is installed:
 
     python3 batch/check_system.py            exit 0, or 1 and the one line that installs what is missing;
@@ -34,7 +34,11 @@ LIBRARIES = {
     "libEGL.so.1": ("libegl1", "mesa-libEGL", "mesa"),
 }
 
-PROGRAMS = {"ps": ("procps", "procps-ng", "procps-ng"), "strace": ("strace", "strace", "strace")}
+PROGRAMS = {
+    "ps": ("procps", "procps-ng", "procps-ng"),
+    "strace": ("strace", "strace", "strace"),
+    "g++": ("g++", "gcc-c++", "gcc"),
+}
 
 INSTALLERS = (
     # A bare machine has no lists of packages yet.

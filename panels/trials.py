@@ -75,10 +75,11 @@ class R2SEGO_PT_trials(Step, bpy.types.Panel):
         if not group.simulated:
             for name in ("device", "adapter", "baud", "calibration"):
                 column.prop(group, name)
-        row = layout.row(align=True)
+        layout.label(text="The emergency stop is a circuit", icon="ERROR")
+        row = layout.row()
         row.scale_y = 1.2
         row.operator("r2sego.run_trials", text="Run", icon="PLAY")
-        row.operator("r2sego.end_study", text="", icon="X")
+        layout.operator("r2sego.end_study", icon="X")
 
     def _draw_live(self, context, live, rules):
         layout = self.layout

@@ -12,19 +12,25 @@ from .. import job
 from . import facts, session
 from .properties import R2SEGO_PG_trials
 
+_HANDLERS = (
+    (bpy.app.handlers.load_post, facts.read_again),
+    (bpy.app.handlers.undo_post, facts.catch_up),
+    (bpy.app.handlers.redo_post, facts.catch_up),
+)
+
 
 def register() -> None:
     """Attach the room's properties, and hear what sessions tell."""
     bpy.types.Scene.r2sego_trials = bpy.props.PointerProperty(type=R2SEGO_PG_trials)
     job.listeners[LIVE_EVENT] = session.hear
-    for handlers in (bpy.app.handlers.load_post, bpy.app.handlers.undo_post, bpy.app.handlers.redo_post):
-        handlers.append(facts.catch_up)
+    for handlers, handler in _HANDLERS:
+        handlers.append(handler)
 
 
 def unregister() -> None:
     """Take them away again."""
-    for handlers in (bpy.app.handlers.load_post, bpy.app.handlers.undo_post, bpy.app.handlers.redo_post):
-        handlers.remove(facts.catch_up)
+    for handlers, handler in _HANDLERS:
+        handlers.remove(handler)
     del job.listeners[LIVE_EVENT]
     session.forget()
     facts.forget()

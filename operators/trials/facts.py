@@ -55,11 +55,17 @@ def forget() -> None:
 
 
 @bpy.app.handlers.persistent
+def read_again(*_: object) -> None:
+    """Read the studies that a loaded file names: they may be further than what is known of them."""
+    for study in filter(None, map(study_path, bpy.data.scenes)):
+        read(study)
+
+
+@bpy.app.handlers.persistent
 def catch_up(*_: object) -> None:
-    """Read the studies that a loaded file, or undo, has brought back and that are not known yet."""
-    for scene in bpy.data.scenes:
-        study = study_path(scene)
-        if study and study not in _kept:
+    """Read the studies that undo has brought back and that are not known yet."""
+    for study in filter(None, map(study_path, bpy.data.scenes)):
+        if study not in _kept:
             read(study)
 
 

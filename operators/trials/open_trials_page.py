@@ -4,6 +4,7 @@ from pathlib import Path
 
 import bpy
 
+from ...r2sego_blender.core.errors import TrialError
 from ..base import EngineOperator, needs_idle_engine
 from ..web_page import open_page
 from . import facts
@@ -25,6 +26,8 @@ class R2SEGO_OT_open_trials_page(EngineOperator, bpy.types.Operator):
         return ["trials", "page", facts.study_path(context.scene), "--json-progress"]
 
     def finish(self, context, result):
-        page = Path(result["page"])
+        page = Path(result.get("page", ""))
+        if not page.is_file():
+            raise TrialError("the page is missing", where=page, cure="Write it again.")
         open_page(page)
         return f"Page: {page}"

@@ -36,4 +36,4 @@ class R2SEGO_OT_plan_trials(EngineOperator, bpy.types.Operator):
         return ["trials", "plan", bpy.path.abspath(self.filepath), "--json-progress"]
 
     def finish(self, context, result):
-        return open_study(context.scene, Path(result["study"]))
+        return open_study(context.scene, Path(result.get("study", "")))

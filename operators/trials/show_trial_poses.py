@@ -32,7 +32,7 @@ class R2SEGO_OT_show_trial_poses(ReportingOperator, bpy.types.Operator):
 
     def perform(self, context):
         study = facts.study_path(context.scene)
-        trial = _chosen(study, facts.of(context.scene), self.number)
+        trial = _chosen(study, facts.read(study), self.number)
         robot, _ = show_trial(context.scene, study, trial)
         name = trial_name(trial.index).capitalize()
         return f"{name}: {trial.label}, {trial.chair}{hint_if_hidden(context, robot)}"
@@ -51,6 +51,8 @@ def as_pose(planned: FloorPose) -> Pose:
 
 def _chosen(study: str, read: facts.StudyFacts, number: int) -> PlannedTrial:
     """Trial ``number`` as people count; with 0 the one that a session is at, or else the next."""
+    if read.plan is None:
+        raise TrialError(read.problem.rstrip("."))
     if not number:
         live = live_of(study)
         number = live.index + 1 if live is not None else read.next.number if read.next is not None else 0

@@ -64,7 +64,8 @@ def corrected(capture: Capture, terms: np.ndarray) -> Capture:
 def brought_along(view: Capture, captures: Sequence[Capture]) -> Capture:
     """A view that was read with the captures' given intrinsics, through the lens that was found for these.
 
-    The nearest given lens counts. Without any as near as a few per cent the view stays as it is.
+    The nearest given lens counts. Without any as near as a few per cent, or where the lens that was found is
+    nearer still, the view stays as it is.
     """
     changed = [capture for capture in captures if capture.given_lens is not None]
     own = photograph_lens(view, sized=False)
@@ -73,6 +74,8 @@ def brought_along(view: Capture, captures: Sequence[Capture]) -> Capture:
         return view
     given = nearest.given_lens.scaled_to(own.width, own.height)
     found = photograph_lens(nearest, sized=False).scaled_to(own.width, own.height)
+    if _apart(own, found) < _apart(own, given):  # it was read with the right ones
+        return view
     lens = replace(
         found,
         fx=own.fx * found.fx / given.fx,

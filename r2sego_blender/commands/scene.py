@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from ..bundle.reading import read_beside_jobs
 from ..bundle.scene import Scene
 from ..config.presets import PRESETS, with_overrides
 from ..core.atomic_files import is_replacing
+from ..workers.cancelling import cancel_at_once
 from .options import ANY_PATH, Output, output_options, overrides_of, scale_of, scale_options, settings_option
 
 
@@ -52,6 +54,12 @@ from .options import ANY_PATH, Output, output_options, overrides_of, scale_of, s
 )
 @scale_options
 @settings_option
+@click.option(
+    "--refine",
+    "preset",
+    type=click.Choice(list(PRESETS)),
+    help="Go on with `r2sego refine` of this preset once the bundle is made.",
+)
 @output_options("--json-progress")
 def new(
     scene: Path,
@@ -62,6 +70,7 @@ def new(
     robot: str,
     scope: str,
     overrides: tuple[str, ...],
+    preset: str | None,
     output: Output,
     **given: Any,
 ) -> None:
@@ -81,6 +90,9 @@ def new(
     made = create_scene(scene, captures, poses, robot, scope, scale, settings, output.progress, taken)
     made = made.declare(overrides=changes) if changes else made
     output.tell(scene=str(made.path), ground=made.declaration.ground, scale=made.declaration.scale_source)
+    if preset is not None:
+        cancel_at_once("the bundle and finished steps are kept")
+        refine_and_tell(made, preset, changes, output)
 
 
 @click.command()
@@ -99,13 +111,18 @@ def refine(scene: Path, preset: str | None, overrides: tuple[str, ...], rounds: 
     Writes asset.ply, collision/ and report/index.html in SCENE. Preset and settings that are given stay
     declared for the next time.
     """
-    from ..evaluation.refinement import refine_with_report
-
     opened = Scene.open(scene)
     changes = overrides_of(overrides) | ({} if rounds is None else {"rounds": rounds})
     if made_with := [key for key in changes if key.startswith("captures.")]:
         said = f"{', '.join(made_with)}: counts for `r2sego new`; the captures stay"
         output.progress.message(said, "warning")
+    refine_and_tell(opened, preset, changes, output)
+
+
+def refine_and_tell(opened: Scene, preset: str | None, changes: Mapping[str, Any], output: Output) -> None:
+    """Run Algorithm 1 on a scene, and say where its results are."""
+    from ..evaluation.refinement import refine_with_report
+
     opened, report = refine_with_report(opened, preset, changes, output.progress)
     output.tell(asset=str(opened.asset_file), collision=str(opened.collision_folder), report=str(report))
 

@@ -39,5 +39,8 @@ def configuration_folder() -> Path:
 
 
 def cache_folder() -> Path:
-    """The person's folder ``r2sego`` for what can be made again; it need not be there yet. RuntimeError without a home."""
+    """The person's folder ``r2sego`` for what can be made again; it need not be there yet.
+
+    Raises RuntimeError without a home.
+    """
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / _NAME

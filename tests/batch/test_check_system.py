@@ -50,15 +50,15 @@ def test_nothing_is_missing_where_all_is_there():
 @pytest.mark.parametrize(
     ("program", "install", "packages"),
     [
-        ("apt-get", "apt-get install -y --no-install-recommends", "libxi6 libgl1 libegl1 procps strace"),
-        ("dnf", "dnf install -y", "libXi mesa-libGL mesa-libEGL procps-ng strace"),
-        ("pacman", "pacman -S --noconfirm", "libxi libglvnd mesa procps-ng strace"),
+        ("apt-get", "apt-get install -y --no-install-recommends", "libxi6 libgl1 libegl1 procps strace g++"),
+        ("dnf", "dnf install -y", "libXi mesa-libGL mesa-libEGL procps-ng strace gcc-c++"),
+        ("pacman", "pacman -S --noconfirm", "libxi libglvnd mesa procps-ng strace gcc"),
     ],
 )
 def test_the_cure_is_in_the_words_of_the_machines_package_manager(program, install, packages):
     absent = load_all_but("libXi.so.6", "libGL.so.1", "libEGL.so.1")
     missing = check_system.missing_parts(absent, lambda _: False)
-    assert missing == ["libXi.so.6", "libGL.so.1", "libEGL.so.1", "ps", "strace"]
+    assert missing == ["libXi.so.6", "libGL.so.1", "libEGL.so.1", "ps", "strace", "g++"]
     *_, command = check_system.cure(missing, which=lambda name: name == program)
     assert command == f"{install} {packages}"
 

@@ -97,6 +97,15 @@ def test_held_out_views_of_the_same_lens_follow_and_others_stay(photograph):
     assert brought_along(view, [_capture(photograph)]) is view
 
 
+def test_a_held_out_view_that_was_read_with_the_right_lens_stays(photograph):
+    capture = corrected(_capture(photograph), np.array([-0.02, 0.02, -0.015, 0.0, 0.0]))
+    right = Camera(800, 600, 2.0 * capture.camera.fx, 2.0 * capture.camera.fy, 418.0, 287.0, np.eye(4))
+    view = Capture("held.png", photograph, right)
+    assert brought_along(view, [capture]) is view
+    wrong = replace(view, camera=replace(right, fx=600.0, fy=600.0, cx=406.0, cy=296.0))
+    assert brought_along(wrong, [capture]).camera.fx == pytest.approx(right.fx)
+
+
 def test_what_the_given_model_cannot_show_is_refused(photograph):
     fisheye = _capture(photograph, Lens(800, 600, 600.0, 600.0, 405.0, 297.0, (0.02, 0.01), "opencv_fisheye"))
     with pytest.raises(CaptureError, match="opencv_fisheye"):

@@ -307,3 +307,18 @@ def test_benchmarks_are_run_from_a_checkout(tmp_path, monkeypatch):
     done = CliRunner().invoke(main, ["bench", "conditions"])
     assert done.exit_code == 1
     assert f"{tmp_path}: the benchmarks are not installed" in done.stderr and "checkout" in done.stderr
+
+
+@pytest.mark.slow
+def test_new_goes_on_to_the_refined_scene_where_it_is_asked(tmp_path):
+    room = tmp_path / "a.r2s"
+    photographs = ["--captures", ROOM / "captures", "--poses", ROOM / "cameras.json"]
+    settings = ["captures.max_side_px=160", "rounds=1", "stereo.max_side_px=120", "proxy.voxel_m=0.08"]
+    settings += ["rollouts.successes=1", "selection.target_views=1", "training.steps_per_round=10"]
+    options = [word for one in settings for word in ("--set", one)]
+    made = r2sego("new", room, *photographs, *options, "--refine", "preview")
+    assert made.returncode == 0, made.stderr
+    told = dict(line.split(": ", 1) for line in made.stdout.splitlines())
+    assert told["scene"] == str(room) and all(Path(told[name]).exists() for name in ("asset", "collision", "report"))
+    opened = Scene.open(room)
+    assert opened.declaration.preset == "preview" and opened.declaration.settings.rounds == 1

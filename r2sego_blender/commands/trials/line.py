@@ -1,7 +1,8 @@
-"""``r2sego trials calibrate``, ``self-test``, ``watch`` and ``simulate``: the device by itself."""
+"""``r2sego trials calibrate``, ``self-test``, ``watch``, ``simulate`` and ``sketch``: the device by itself."""
 
 from __future__ import annotations
 
+import shutil
 import sys
 import time
 from collections.abc import Callable
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ...core.errors import TrialError
-from ..options import ANY_PATH, Output, output_options, overrides_of
+from ..options import ANY_PATH, FOLDER, Output, output_options, overrides_of
 
 if TYPE_CHECKING:
     from ...trials.calibration.calibration import Calibration
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from ...trials.line.simulated import SimulatedDevice
     from ...trials.stream import Hello, Stream
 
+SKETCH = "r2sego_trials"
 _SHOW_S = 0.1
 
 
@@ -221,7 +223,20 @@ def _follow(device: SimulatedDevice, seed: int) -> None:
         return
 
 
-COMMANDS = (calibrate_device, self_test, watch, simulate)
+@click.command("sketch")
+@click.argument("folder", type=FOLDER)
+def sketch(folder: Path) -> None:
+    """Write the reference sketch for Arduino-class boards into FOLDER, as the Arduino IDE opens it."""
+    from ...trials.line.simulated import FIRMWARE
+
+    to = folder / SKETCH
+    if to.exists():
+        raise TrialError("something is there", where=to, cure="Give another folder, or take it away.")
+    shutil.copytree(FIRMWARE / SKETCH, to)
+    click.echo(str(to / f"{SKETCH}.ino"))
+
+
+COMMANDS = (calibrate_device, self_test, watch, simulate, sketch)
 
 
 def _kilograms(text: str) -> float:

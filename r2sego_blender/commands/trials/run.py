@@ -14,6 +14,8 @@ from ...core.digests import content_digest
 from ...core.errors import TrialError
 from ...core.printable import printable
 from ...core.progress import JsonProgress
+from ...trials.outcome import Outcome
+from ...trials.plan.trial_plan import TrialPlan
 from ...trials.records.index import RECORDS_FOLDER, RecordIndex
 from ...trials.records.judgement_values import judgement_values
 from ...trials.running.live import LIVE_EVENT
@@ -57,7 +59,6 @@ def run_trials(
 
     if simulated:
         from ...trials.line.simulated import simulated_calibration
-        from ...trials.plan.trial_plan import TrialPlan
         from ...trials.running.clock import SimulatedClock
         from ...trials.running.simulated import SimulatedBench, SimulatedOperator, simulated_scripts
 
@@ -86,8 +87,9 @@ def run_trials(
         with contextlib.nullcontext() if output.as_events else terminal_keys() as reader:
             show = _as_events(output) if output.as_events else TerminalView(keys, bell).show
             Session(study, connection, calibration, People(study, keys, reader), show).run()
-    entries = _entries(study)
-    output.tell(records=len(entries), **Counter(entry.judgement.outcome.value for entry in entries))
+    counts = Counter(entry.judgement.outcome for entry in _entries(study))
+    shown = [Outcome.UNUSABLE] if TrialPlan.load(study).blinded else list(Outcome)
+    output.tell(records=counts.total(), **{outcome.value: counts[outcome] for outcome in shown})
 
 
 @click.command("judge")
@@ -143,8 +145,6 @@ COMMANDS = (run_trials, judge, records)
 
 
 def _entries(study: Path) -> list[Entry]:
-    from ...trials.plan.trial_plan import TrialPlan
-
     TrialPlan.load(study)  # raises where this is no study
     return RecordIndex(study).entries()
 
@@ -158,7 +158,7 @@ def _state(study: Path, entry: Entry) -> str:
     if not digest:
         return "missing"
     if not entry.sha256:
-        return "cut off"
+        return "cut off" if entry.sensors is None else "not closed"
     return "whole" if digest == entry.sha256 else "changed"
 
 

@@ -13,13 +13,12 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..stream import Flags
 from .framing import CLOCK_US, SEQUENCES, hello_line, sample_line
 
 _FIRST_US, _FIRST_SEQUENCE = CLOCK_US - 3_000_000, 65_000
 _NOISE = 150
 _MASK = (1 << 32) - 1
-_FLAGS = {"stop": Flags.EMERGENCY_STOP, "fault": Flags.SENSOR_FAULT, "saturation": Flags.SATURATED}
+_FLAGS = {"stop": 1, "saturation": 2, "fault": 4}  # ``stream.Flags``; without NumPy it starts at once
 
 
 class _Random:
@@ -127,7 +126,7 @@ class DeviceProgram:
         if effect == "loss" and sequence % 20 == 0:
             return sent
         device_us = (self._first_us + self._clock // (100 * self._rate_hz)) % CLOCK_US
-        line = sample_line(sequence, device_us, raw, int(_FLAGS.get(effect, 0)))
+        line = sample_line(sequence, device_us, raw, _FLAGS.get(effect, 0))
         return sent + (self._damaged(line) if effect == "noise" and sequence % 7 == 0 else line)
 
     def _damaged(self, line: bytes) -> bytes:

@@ -79,9 +79,10 @@ class About:
                 url=str(values["url"])[:1000],
                 simulated=values["simulated"] is True,
             )
-        except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
+        except (TrialError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
+            why = error.what if isinstance(error, TrialError) else error
             raise TrialError(
-                f"this record does not say what it is of: {error}", where=record.file, cure="Take it from a copy."
+                f"this record does not say what it is of: {why}", where=record.file, cure="Take it from a copy."
             ) from error
 
 

@@ -10,6 +10,7 @@ from ...core.errors import TrialError
 from ..line.adapters import Adapter, Decodes
 from ..line.decoding import Message
 from ..line.device import LineLost, Received
+from ..line.framing import LONGEST_LINE
 from ..stream import Hello
 from .clock import Clock
 
@@ -45,7 +46,8 @@ class Heard:
 class Connection:
     """The line that ``open_line`` opens, again and again until it can.
 
-    ``hello`` is the device's last one, None before it; ``problem`` is why there is no line.
+    ``hello`` is the device's last one, None before it; ``rest`` what came of a line that has not ended yet, which a
+    record has to begin with; ``problem`` is why there is no line.
     """
 
     def __init__(self, open_line: Callable[[], Line], clock: Clock) -> None:
@@ -54,6 +56,7 @@ class Connection:
         self._next_ns = 0
         self.line: Line | None = None
         self.hello: Hello | None = None
+        self.rest = Received(b"", 0, 0)
         self.problem = ""
 
     def hear(self, seconds: float) -> Heard:
@@ -66,6 +69,7 @@ class Connection:
         try:
             while len(heard.received) < _MOST_PIECES and (received := self.line.read(0.0)).data:
                 heard.received.append(received)
+                self._keep_rest(received)
                 heard.messages.extend(self._decoder.feed(received.data, received.received_ns))
         except LineLost as error:
             self.close()
@@ -81,6 +85,12 @@ class Connection:
         if self.line is not None:
             self.line.close()
         self.line = self._decoder = self.hello = None
+        self.rest = Received(b"", 0, 0)
+
+    def _keep_rest(self, received: Received) -> None:
+        _, newline, rest = received.data.rpartition(b"\n")
+        before = b"" if newline else self.rest.data
+        self.rest = received._replace(data=(before + rest)[: LONGEST_LINE + 1])
 
     def _open(self) -> bool:
         now_ns = self._clock.monotonic_ns()

@@ -99,7 +99,7 @@ class Live:
                 raise ValueError("it has too many values")
             plain: dict[str, Any] = {
                 **{name: _text(values[name]) for name in ("next", "label", "chair")},
-                **{name: int(values[name]) for name in ("index", "total", "repetition", "record")},
+                **{name: _whole(values[name]) for name in ("index", "total", "repetition", "record")},
                 **{name: _number(values[name]) for name in ("rate_hz", "lost_share", "elapsed_s", "support_s")},
                 **{name: bool(values[name]) for name in ("tethered", "emergency_stop", "simulated")},
             }
@@ -118,13 +118,19 @@ class Live:
 
 
 def _counts(values: Mapping[str, Any]) -> Counts:
-    numbers = {name: int(values[name]) for name in ("successes", "trials", "unusable")}
+    numbers = {name: _whole(values[name]) for name in ("successes", "trials", "unusable")}
     return Counts(_text(values["condition"]), **numbers)
 
 
 def _pose(values: Any) -> Pose:
     x, y, turn = map(_number, values)
     return x, y, turn
+
+
+def _whole(value: Any) -> int:
+    if not isinstance(value, int) or not 0 <= value < 1 << 31:
+        raise ValueError("it counts nothing")
+    return value
 
 
 def _number(value: Any) -> float:

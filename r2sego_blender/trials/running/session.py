@@ -36,6 +36,7 @@ _WORDS = {
     State.JUDGED: "Judged. On to the next trial, or stop.",
 }
 _SHOW_NS = 100_000_000
+_TEST_NS = 10_000_000_000
 
 
 class Operator(Protocol):
@@ -118,20 +119,21 @@ class Session:
         return hello is not None and hello.device == DEVICE
 
     def _test(self, planned: PlannedTrial) -> bool:
-        """The device's self-test, once after each time that it was plugged in."""
+        """The device's self-test, once after each time that it was plugged in or began anew."""
         while not self._tested and not self._stopping:
             assert self._connection.hello is not None
             test = SelfTest(self._connection.hello, self._calibration)
-            while not test.complete:
+            until_ns = self._clock.monotonic_ns() + _TEST_NS
+            while not test.complete and self._clock.monotonic_ns() < until_ns:
                 heard, _ = self._tick(planned, State.SELF_TEST, "Leave the tether slack and the chair empty.")
                 if heard.lost or self._stopping:
                     return False
                 test.add([message for message in heard.messages if isinstance(message, Sample)])
-            self._reasons = test.problems
-            self._tested = not test.problems
-            again = self._tested
+            problems = test.problems if test.complete else ("it sends too little, or its clock stands still",)
+            self._reasons = problems
+            self._tested = again = not problems
             while not again and not self._stopping:
-                words = f"The self-test failed: {'; '.join(test.problems)}. Mend it, then go on to the next test."
+                words = f"The self-test failed: {'; '.join(problems)}. Mend it, then go on to the next test."
                 heard, acts = self._tick(planned, State.SELF_TEST, words)
                 if heard.lost:
                     return False
@@ -143,7 +145,7 @@ class Session:
         words = f"Set up robot and chair as shown, the tether {tether}; then arm."
         while not self._stopping:
             heard, acts = self._tick(planned, State.SET_UP, words)
-            if heard.lost:
+            if heard.lost or not self._tested:
                 return False
             if any(told.control is Control.ARM for told in acts):
                 return True
@@ -169,7 +171,7 @@ class Session:
             line.url,
             self._is_simulated,
         )
-        trial = self._trial = Trial(about, self._index, self._clock)
+        trial = self._trial = Trial(about, self._index, self._clock, self._connection.rest)
         going_on = False
         while not going_on:
             heard, acts = self._tick(planned, trial.state, f"{trial.refused} {_WORDS[trial.state]}".lstrip())
@@ -199,8 +201,10 @@ class Session:
 
     def _tick(self, planned: PlannedTrial, state: State, words: str) -> tuple[Heard, list[Told]]:
         """Listen for a moment, show what is there, and ask what the operator did."""
+        before = self._connection.hello
         heard = self._connection.hear(TICK_S)
         if self._connection.hello is not None:
+            self._tested &= before is None or before.boot == self._connection.hello.boot
             samples = [message for message in heard.messages if isinstance(message, Sample)]
             self._monitor.add(samples, self._connection.hello)
         if heard.lost:
@@ -238,7 +242,8 @@ class Session:
             simulated=self._is_simulated,
         )
         if (state, live.record) != self._shown or now_ns - self._shown_ns >= _SHOW_NS:
-            self._shown, self._shown_ns = (state, live.record), now_ns
+            self._shown = state, live.record
+            self._shown_ns = max(self._shown_ns + _SHOW_NS, now_ns - _SHOW_NS)  # ticks are no divisor of it
             self._show(live)
         return live
 

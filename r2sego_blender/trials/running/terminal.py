@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import shutil
 import sys
+import textwrap
 from typing import TextIO
 
 from ...core.printable import printable
@@ -23,7 +25,7 @@ _KEYS_OF = {
     State.JUDGED: "njmvq",
     State.FINISHED: "",
 }
-_WIDTH = 100
+_WIDTH, _LARGE_WIDTH = 100, 60
 
 
 class TerminalView:
@@ -43,9 +45,11 @@ class TerminalView:
         is_new = (live.state, live.record) != self._told
         self._told = live.state, live.record
         if self._is_terminal:
-            lines = [printable(line, _WIDTH) for line in live_lines(live, self._keys.prompt)]
+            width = shutil.get_terminal_size((_WIDTH, 24)).columns - 1  # a line that wraps is two
+            told = map(printable, live_lines(live, self._keys.prompt))
+            lines = [line for one in told for line in textwrap.wrap(one, width)]
             if live.state is State.JUDGED and live.outcome is not None:
-                lines[:0] = _large(live.outcome)
+                lines[:0] = _large(live.outcome, width)
             up = f"\x1b[{self._lines}A" if self._lines else ""
             self._stream.write(up + "\r\x1b[J" + "\n".join(lines) + "\n")
             self._lines = len(lines)
@@ -88,7 +92,7 @@ def _pose(pose: tuple[float, float, float]) -> str:
     return f"x {pose[0]:+.2f} m, y {pose[1]:+.2f} m, {pose[2]:+.0f}°"
 
 
-def _large(outcome: Outcome) -> list[str]:
+def _large(outcome: Outcome, width: int) -> list[str]:
     """Three lines of the outcome's colour."""
-    word = "  ".join(outcome.value.upper()).center(_WIDTH - 40)
+    word = "  ".join(outcome.value.upper()).center(min(width, _LARGE_WIDTH))[:width]
     return [f"\x1b[{_COLOURS[outcome]}m{text}\x1b[0m" for text in (" " * len(word), word, " " * len(word))]

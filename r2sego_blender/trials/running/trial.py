@@ -9,6 +9,7 @@ from ...core.errors import TrialError
 from ..events import EventKind
 from ..judging.manual import manual_judgement
 from ..line.decoding import Sample
+from ..line.device import Received
 from ..outcome import Judgement
 from ..records.index import RecordIndex, file_name
 from ..records.reading import read_record
@@ -36,11 +37,12 @@ _EVENTS = {
 class Trial:
     """One trial, from when it is armed; ``state`` says where it stands, ``refused`` why a judgement is none.
 
-    What is heard of the line is recorded until shortly after its end, what the operator tells until it is closed.
+    What is heard of the line is recorded from the ``rest`` of its line until shortly after the trial's end, what
+    the operator tells until it is closed.
     The record's file and its line in ``index`` are there before this is. Raises OSError.
     """
 
-    def __init__(self, about: About, index: RecordIndex, clock: Clock) -> None:
+    def __init__(self, about: About, index: RecordIndex, clock: Clock, rest: Received) -> None:
         self.about = about
         self.state = State.ARMED
         self.judgement: Judgement | None = None
@@ -48,6 +50,7 @@ class Trial:
         self._index, self._clock = index, clock
         self.file = index.folder / file_name(about.number)
         self._writer = RecordWriter(self.file, about.to_json())
+        self._writer.received(*rest)
         self._started_ns = self._ended_ns = self._flushed_ns = clock.monotonic_ns()
 
     @property

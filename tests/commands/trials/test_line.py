@@ -110,3 +110,9 @@ def test_a_simulated_device_is_run_from_a_terminal(tmp_path):
 
 def test_scripts_that_are_not_there_are_named():
     assert "success" in str(invoke("simulate", "walk").exception)
+
+
+def test_the_sketch_is_written_once_with_its_header(tmp_path):
+    assert invoke("sketch", tmp_path).output.strip() == str(tmp_path / "r2sego_trials" / "r2sego_trials.ino")
+    assert {file.name for file in (tmp_path / "r2sego_trials").iterdir()} == {"r2sego_trials.ino", "r2sego_line.h"}
+    assert invoke("sketch", tmp_path).exit_code != 0

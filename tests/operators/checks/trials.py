@@ -101,12 +101,13 @@ def check_what_is_no_study_or_was_changed_is_told():
 def check_a_study_is_planned_ended_and_printed_by_the_engine():
     _, path = opened("asked")
     conduct("succeed")
-    refused(bpy.ops.r2sego.plan_trials, filepath=str(path.with_suffix(".toml")))  # it tells no study
-    refused(bpy.ops.r2sego.open_trials_page)
+    declared = str(path.with_suffix(".toml"))
+    assert "no plan of trials here" in refused(bpy.ops.r2sego.plan_trials, filepath=declared)  # it tells none
+    assert "page is missing" in refused(bpy.ops.r2sego.open_trials_page)
     assert "reason" in refused(bpy.ops.r2sego.end_study, reason=" ")
     assert bpy.ops.r2sego.end_study(reason="the gantry broke") == {"FINISHED"}
     planned, page, ended = calls()
-    assert planned[:3] == ["trials", "plan", str(path.with_suffix(".toml"))]
+    assert planned[:3] == ["trials", "plan", declared]
     assert page[:3] == ["trials", "page", str(path)]
     assert ended[:5] == ["trials", "end", str(path), "--reason", "the gantry broke"]
     library("plan.study").end_study(path, "the gantry broke")
@@ -213,14 +214,27 @@ def check_without_a_session_nobody_is_told():
     assert not (path / "controls.jsonl").exists()
 
 
-def check_a_file_that_is_loaded_knows_its_study():
-    plan, _ = opened("kept")
+def check_a_file_that_is_loaded_knows_how_far_its_study_is():
+    plan, path = opened("kept")
     blend = OUT.parent / "trials.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(blend))
-    sys.modules[f"{MODULE}.operators.trials.facts"].forget()
     bpy.ops.wm.read_homefile(use_empty=True)
+    assert group().facts.plan is None
+    library("plan.study").begin_study(path, plan)
+    succeed(path, plan, 0)
     bpy.ops.wm.open_mainfile(filepath=str(blend))
-    assert group().facts.plan.digest == plan.digest and len(poses()) == 2
+    assert group().facts.plan.digest == plan.digest and group().facts.state.begun
+    assert group().facts.next.number == 2 and len(poses()) == 2
+    succeed(path, plan, 1)
+    assert bpy.ops.r2sego.show_trial_poses() == {"FINISHED"}  # reads what others did meanwhile
+    assert set(poses()) == {"Robot, trial 3", f"{plan.trials[2].chair}, trial 3"}
+
+
+def succeed(path, plan, trial):
+    """A record of a trial that succeeded, as another process writes it."""
+    index, outcome = library("records.index").RecordIndex(path), library("outcome")
+    number = index.begin(trial, plan.digest, True, True)
+    index.judge(number, outcome.Judgement(outcome.Outcome.SUCCESS, (), 3.2, 5.0))
 
 
 def check_blender_loads_nothing_of_the_line():

@@ -97,7 +97,7 @@ def take(device, seconds, decoder=None):
     decoder = decoder or Decoder()
     found = []
     while sum(isinstance(one, Sample) for one in found) < seconds * RATE:
-        piece = device.read(2.0)
+        piece = device.read(30.0)
         assert piece.data, "it sends nothing"
         found += decoder.feed(piece.data, piece.received_ns)
     return found
@@ -118,7 +118,7 @@ def test_it_is_read_as_a_board_is_unplugged_and_plugged_in_again(over, language)
             simulated.unplug()
             with pytest.raises(LineLost):
                 while True:
-                    device.read(2.0)
+                    device.read(30.0)
             with pytest.raises(TrialError):
                 open_device(url)
         simulated.plug_in()
@@ -129,7 +129,7 @@ def test_it_is_read_as_a_board_is_unplugged_and_plugged_in_again(over, language)
         simulated.play("unplug")
         with open_device(url) as device, pytest.raises(LineLost):
             while True:
-                device.read(2.0)
+                device.read(30.0)
         assert not simulated.is_plugged_in
 
 

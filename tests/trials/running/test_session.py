@@ -3,21 +3,27 @@
 import json
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
+from mcap.reader import make_reader
 from trials.declarations import declared
 
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import TrialError
 from r2sego_blender.core.file_locks import try_lock
-from r2sego_blender.trials.line.simulated import simulated_calibration
+from r2sego_blender.trials.line.adapters import AsciiStream
+from r2sego_blender.trials.line.device import Received
+from r2sego_blender.trials.line.framing import hello_line
+from r2sego_blender.trials.line.simulated import DEVICE, simulated_calibration
 from r2sego_blender.trials.outcome import Outcome
 from r2sego_blender.trials.plan.study import end_study, freeze_plan
 from r2sego_blender.trials.records.index import RecordIndex
 from r2sego_blender.trials.records.reading import read_record
+from r2sego_blender.trials.running.about import About
 from r2sego_blender.trials.running.clock import SimulatedClock
 from r2sego_blender.trials.running.connection import Connection
 from r2sego_blender.trials.running.controls import Control, Told
-from r2sego_blender.trials.running.judged_record import judged_record
+from r2sego_blender.trials.running.judged_record import judged_record, stream_of
 from r2sego_blender.trials.running.live import State
 from r2sego_blender.trials.running.session import Session
 from r2sego_blender.trials.running.simulated import SimulatedBench, SimulatedOperator, simulated_scripts
@@ -25,17 +31,30 @@ from r2sego_blender.trials.tables.counts import Results
 from r2sego_blender.trials.tables.success_table import SuccessTable
 
 
-def run_simulated(study, plan, show=lambda live: None, around=lambda operator: operator, scripts=None):
+def run_simulated(
+    study, plan, show=lambda live: None, around=lambda operator: operator, scripts=None, calibration=None
+):
     clock = SimulatedClock()
     bench = SimulatedBench(clock)
     operator = around(SimulatedOperator(plan, bench, clock, scripts or simulated_scripts(plan)))
-    Session(study, Connection(bench.open_line, clock), simulated_calibration(), operator, show, clock).run()
+    calibration = calibration or simulated_calibration()
+    Session(study, Connection(bench.open_line, clock), calibration, operator, show, clock).run()
+
+
+def decoded(file):
+    """The samples in a record, as any other program reads them."""
+    found = {"sequence": [], "device_us": [], "raw": [], "flags": []}
+    with file.open("rb") as stream:
+        for _, _, message in make_reader(stream).iter_messages(topics=["samples"], log_time_order=False):
+            for name, values in json.loads(message.data).items():
+                found[name] += values
+    return found
 
 
 def test_a_small_plan_runs_to_its_end(tmp_path):
     plan, study = freeze_plan(declared(tmp_path, "trials = 2"))
-    seen = []
-    run_simulated(study, plan, lambda live: seen.append(live))
+    seen, calibration = [], simulated_calibration()
+    run_simulated(study, plan, seen.append, calibration=calibration)
     entries = RecordIndex(study).entries()
     usable = [entry for entry in entries if entry.judgement.outcome is not Outcome.UNUSABLE]
     assert sorted(entry.trial for entry in usable) == list(range(len(plan.trials)))
@@ -44,6 +63,13 @@ def test_a_small_plan_runs_to_its_end(tmp_path):
         record = read_record(study / "records" / entry.name)
         assert record.finished and content_digest(record.file) == entry.sha256
         assert judged_record(record) == entry.sensors, entry
+        about, trial = About.of(record), plan.trials[entry.trial]
+        assert (about.number, about.plan, about.trial, about.rules) == (entry.number, plan.digest, trial, plan.rules)
+        assert (about.tethered, about.simulated) == (entry.tethered, True)
+        assert record.about["policy_sha256"] == trial.policy_sha256
+        assert record.about["calibration_sha256"] == about.calibration.digest == calibration.digest
+        samples = decoded(record.file)
+        assert np.array_equal(samples["raw"], stream_of(record).raw) and len(samples["sequence"]) > 300
     assert seen[-1].state is State.FINISHED
     assert {live.state for live in seen} >= {State.SET_UP, State.ARMED, State.RUNNING, State.ENDED, State.JUDGED}
 
@@ -147,3 +173,73 @@ def test_real_and_simulated_trials_do_not_stand_in_one_study(tmp_path):
     with pytest.raises(TrialError):
         run_simulated(study, plan)
     assert len(index.entries()) == 1
+
+
+def test_a_device_that_began_anew_is_tested_again_before_the_next_trial(tmp_path):
+    plan, study = freeze_plan(declared(tmp_path, "trials = 1", "support_s = 2.0"))
+    clock = SimulatedClock()
+    bench, states = SimulatedBench(clock), []
+    inner = SimulatedOperator(plan, bench, clock, lambda trial, tried: "success")
+
+    def acts(live):
+        if not states or states[-1] is not live.state:
+            states.append(live.state)
+            if states.count(State.SET_UP) == 1:
+                bench.play("reset" if live.state is State.SET_UP else "idle")  # after three seconds, of a sitting robot
+        if states.count(State.SET_UP) == 1 and live.state is State.SET_UP:
+            return []
+        if live.state is State.JUDGED:
+            return [Told(Control.STOP, {})]
+        return inner.acts(live)
+
+    operator = SimpleNamespace(acts=acts)
+    Session(study, Connection(bench.open_line, clock), simulated_calibration(), operator, clock=clock).run()
+    assert states[:5] == [State.WAITING, State.SELF_TEST, State.SET_UP, State.SELF_TEST, State.SET_UP]
+
+
+def test_a_device_that_fails_its_test_records_nothing_until_it_passes(tmp_path):
+    plan, study = freeze_plan(declared(tmp_path, "trials = 1", "support_s = 2.0"))
+    clock = SimulatedClock()
+    bench, told, scripts = SimulatedBench(clock), [], iter(["weights:0:20", "idle"])
+    inner = SimulatedOperator(plan, bench, clock, lambda trial, tried: "success")
+
+    def open_line():
+        line = bench.open_line()
+        bench.play("weights:20:0")
+        return line
+
+    def acts(live):
+        if live.state is State.JUDGED:
+            return [Told(Control.STOP, {})]
+        if live.state is not State.SELF_TEST:
+            return inner.acts(live)
+        if not live.reasons or live.reasons in told:
+            return []
+        told.append(live.reasons)
+        assert RecordIndex(study).entries() == []
+        bench.play(next(scripts))
+        return [Told(Control.NEXT, {})]
+
+    operator = SimpleNamespace(acts=acts)
+    Session(study, Connection(open_line, clock), simulated_calibration(), operator, clock=clock).run()
+    assert [reasons[0].split(":")[0] for reasons in told] == ["tether", "seat"]
+    assert len(RecordIndex(study).entries()) == 1
+
+
+def test_a_device_that_only_greets_fails_its_test(tmp_path):
+    _, study = freeze_plan(declared(tmp_path, "trials = 1"))
+    clock = SimulatedClock()
+    greeting = hello_line(DEVICE, "1.0", 1, 100, [("tether", -8388608, 8388607), ("seat", -8388608, 8388607)])
+
+    def read(timeout_s):
+        now_ns = clock.monotonic_ns()
+        return Received(greeting if now_ns // 10**7 % 100 == 0 else b"", now_ns, clock.wall_ns())
+
+    line = SimpleNamespace(url="greeting:", adapter=AsciiStream(), read=read, close=lambda: None)
+    pressed = {State.SELF_TEST: [Told(Control.STOP, {})]}
+    operator = SimpleNamespace(acts=lambda live: pressed.get(live.state, []) if live.reasons else [])
+    seen = []
+    calibration = simulated_calibration()
+    Session(study, Connection(lambda: line, clock), calibration, operator, seen.append, clock).run()
+    assert {live.state for live in seen} == {State.WAITING, State.SELF_TEST, State.FINISHED}
+    assert RecordIndex(study).entries() == []

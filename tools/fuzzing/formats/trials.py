@@ -117,7 +117,118 @@ def _read_gauge(folder: Path) -> Any:
     return Mark10().decoder().feed((folder / "a.line").read_bytes(), 1)
 
 
+def _recorded(folder: Path) -> None:
+    """A study with one simulated trial."""
+    from r2sego_blender.trials.line.simulated import simulated_calibration
+    from r2sego_blender.trials.plan.study import freeze_plan
+    from r2sego_blender.trials.running.clock import SimulatedClock
+    from r2sego_blender.trials.running.connection import Connection
+    from r2sego_blender.trials.running.controls import Control, Told
+    from r2sego_blender.trials.running.live import Live, State
+    from r2sego_blender.trials.running.session import Session
+    from r2sego_blender.trials.running.simulated import SimulatedBench, SimulatedOperator
+
+    _declared(folder)
+    plan, study = freeze_plan(folder / "a.toml")
+    clock = SimulatedClock(wall_ns=1_790_000_000_000_000_000)
+    bench = SimulatedBench(clock, rate_hz=25)
+
+    class Once(SimulatedOperator):
+        def acts(self, live: Live) -> list[Told]:
+            done = [Told(Control.NOTE, {"text": "a note"}), Told(Control.STOP, {})]
+            return done if live.state is State.JUDGED else super().acts(live)
+
+    operator = Once(plan, bench, clock, lambda trial, tried: "success")
+    Session(study, Connection(bench.open_line, clock), simulated_calibration(), operator, clock=clock).run()
+
+
+def _read_record(folder: Path) -> Any:
+    from r2sego_blender.trials.records.judgement_values import judgement_values
+    from r2sego_blender.trials.records.reading import read_record
+    from r2sego_blender.trials.running.judged_record import judged_record, stream_of
+
+    record = read_record(folder / "a.trials/records/0001.mcap")
+    told = [judgement_values(one) for one in (*record.judgements, judged_record(record))]  # null where nothing measured
+    return record.about, record.received, record.events, record.lost_ns, stream_of(record), told
+
+
+def _about(folder: Path) -> None:
+    from r2sego_blender.core.json_files import write_json
+    from r2sego_blender.trials.records.reading import read_record
+
+    _recorded(folder)
+    write_json(folder / "about.json", read_record(folder / "a.trials/records/0001.mcap").about)
+
+
+def _read_about(folder: Path) -> Any:
+    """As it stands in a record's metadata."""
+    import dataclasses
+
+    from r2sego_blender.core.errors import TrialError
+    from r2sego_blender.core.json_files import opened_json
+    from r2sego_blender.trials.records.judgement_values import judgement_values
+    from r2sego_blender.trials.records.reading import read_record
+    from r2sego_blender.trials.running.about import About
+    from r2sego_blender.trials.running.judged_record import judged_record
+
+    with opened_json(folder / "about.json", TrialError, "it does not say what it is of", "Restore it.") as values:
+        about = dict(values)
+    record = dataclasses.replace(read_record(folder / "a.trials/records/0001.mcap"), about=about)
+    return About.of(record), judgement_values(judged_record(record))
+
+
+def _read_index(folder: Path) -> Any:
+    from r2sego_blender.trials.records.index import RecordIndex
+    from r2sego_blender.trials.records.judgement_values import judgement_values
+
+    entries = RecordIndex(folder / "a.trials").entries()
+    return [(one.number, one.trial, one.name, one.began, judgement_values(one.judgement)) for one in entries]
+
+
+def _controls(folder: Path) -> None:
+    from r2sego_blender.trials.running.controls import Control, send
+
+    for control in Control:
+        send(folder, control, text="a clap", outcome="failure", by="A. Person")
+
+
+def _read_controls(folder: Path) -> Any:
+    from r2sego_blender.trials.running.controls import CONTROLS_FILE, Controls
+
+    file = folder / CONTROLS_FILE
+    data = file.read_bytes()
+    file.write_bytes(b"")
+    controls = Controls(folder)
+    file.write_bytes(data)
+    return [(told.control.value, told.text()) for _ in range(len(data) // 60_000 + 2) for told in controls.read()]
+
+
+def _live(folder: Path) -> None:
+    from r2sego_blender.core.json_files import write_json
+    from r2sego_blender.trials.outcome import Outcome
+    from r2sego_blender.trials.running.live import Counts, Live, State
+
+    pose, counts = (1.0, 2.0, 90.0), (Counts("a", 3, 4, 1), Counts("b", 1, 4, 0))
+    live = Live(State.JUDGED, "go on", 3, 8, "policy 1", 2, True, pose, pose, "stool", 5, (("seat", 2.5),), 99.0, 0.01)
+    last = {"outcome": Outcome.FAILURE.name, "reasons": ["out of time"]}
+    write_json(folder / "live.json", live.to_json() | last | {"counts": [vars(one) for one in counts]})
+
+
+def _read_live(folder: Path) -> Any:
+    from r2sego_blender.core.errors import TrialError
+    from r2sego_blender.core.json_files import opened_json
+    from r2sego_blender.trials.running.live import Live
+
+    with opened_json(folder / "live.json", TrialError, "it is no state of a session", "Run it again.") as values:
+        return Live.from_json(values).to_json()
+
+
 HARNESSES = (
+    Harness("trials/record.mcap", _recorded, "a.trials/records/0001.mcap", "bytes", _read_record),
+    Harness("trials/about.json", _about, "about.json", "json", _read_about),
+    Harness("trials/index.jsonl", _recorded, "a.trials/records/index.jsonl", "lines", _read_index),
+    Harness("trials/controls.jsonl", _controls, "controls.jsonl", "lines", _read_controls),
+    Harness("trials/live.json", _live, "live.json", "json", _read_live),
     Harness("trials/calibration.json", _calibration, "cells.json", "json", _read_calibration),
     Harness("trials/line", _line, "a.line", "header", _read_line),
     Harness("trials/gauge", _gauge, "a.line", "header", _read_gauge),
