@@ -1,6 +1,6 @@
 """Scores of an asset on frozen views, as the original 3DGS code computes them.
 
-Every pixel of every view counts: no mask, no crop, no exposure or colour correction.
+Every pixel of every view counts: no mask, no crop, no correction by what the view shows.
 """
 
 from __future__ import annotations

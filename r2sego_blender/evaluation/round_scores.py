@@ -9,11 +9,12 @@ from typing import Any
 
 from ..bundle.scene import Scene
 from ..captures.capture import Capture
+from ..captures.store import CAPTURES
 from ..core.errors import R2SEgoError
 from ..core.progress import SILENT, Progress
 from ..splats.artifacts import ASSET, BACKDROP
 from ..splats.asset import SplatAsset
-from ..splats.rendering.rasterizer import render
+from .exposed_rendering import as_exposed
 from .frozen import rounded, score
 
 
@@ -44,7 +45,8 @@ def score_rounds(scene: Scene, views: Sequence[Capture], progress: Progress = SI
     except R2SEgoError as error:
         missing = f"{BACKDROP.name}: {error.what}"
         return tuple(RoundScore(index, None, None, missing=missing) for index in rounds)
-    return tuple(_score(scene, index, backdrop, views, progress) for index in rounds)
+    captures = scene.read(CAPTURES)
+    return tuple(_score(scene, index, backdrop, captures, views, progress) for index in rounds)
 
 
 def below(rounds: Sequence[RoundScore]) -> tuple[str, ...]:
@@ -85,12 +87,20 @@ def lines(entries: Sequence[Mapping[str, Any]]) -> list[str]:
     return text
 
 
-def _score(scene: Scene, index: int, backdrop: SplatAsset, views: Sequence[Capture], progress: Progress) -> RoundScore:
+def _score(
+    scene: Scene,
+    index: int,
+    backdrop: SplatAsset,
+    captures: Sequence[Capture],
+    views: Sequence[Capture],
+    progress: Progress,
+) -> RoundScore:
     made = ASSET.of_round(index)
     try:
         asset = scene.read(made)
     except R2SEgoError as error:
         return RoundScore(index, None, None, missing=f"{made.name}: {error.what}")
     whole = asset.concatenated(backdrop.with_degree(asset.degree))
-    arm = score(lambda camera: render(whole, camera).colour, views, progress=progress, title=f"Scoring round {index}")
+    exposed = as_exposed(whole, captures)
+    arm = score(lambda camera: exposed(camera).colour, views, progress=progress, title=f"Scoring round {index}")
     return RoundScore(index, arm.psnr, arm.ssim, arm.lpips_alex)

@@ -33,11 +33,11 @@ from ..refine.visual_asset import vanilla_asset
 from ..splats.artifacts import REFINED_ASSET
 from ..splats.asset import SplatAsset
 from ..splats.formats.ply import load_made
-from ..splats.rendering.rasterizer import render
 from ..splats.training.observations import Observation
 from . import round_scores, scene_causes
 from .arms import ARMS, REFINED, VANILLA_ASSET
 from .cause_figures import report_causes
+from .exposed_rendering import as_exposed
 from .frozen import ArmScore, score
 from .metrics_file import write_metrics
 from .report_data import FrozenView, Rendering
@@ -78,11 +78,12 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress) -> dict[str, Any]
     scores: dict[str, ArmScore] = {}
     renderings: dict[str, dict[str, np.ndarray]] = {}
     refined_depths: list[np.ndarray] = []
+    captures = scene.read(CAPTURES)
     for arm, source in ARMS.items():
         pictures = renderings[arm] = {}
         asset = load_made(scene.path / source.asset)
         scores[arm] = score(
-            _renderer(asset, refined_depths if arm == REFINED else []),
+            _renderer(asset, captures, refined_depths if arm == REFINED else []),
             views,
             keep=pictures.__setitem__,
             progress=progress,
@@ -171,11 +172,14 @@ def _scored(scene: Scene) -> dict[str, str]:
     return {name: outputs[name] for name in (*(a.asset for a in ARMS.values()), *rounds) if name in outputs}
 
 
-def _renderer(asset: SplatAsset, depths: list[np.ndarray]) -> Callable[[Camera], np.ndarray]:
-    """Renders the asset's colour; its depth (H, W) is appended to ``depths``."""
+def _renderer(
+    asset: SplatAsset, captures: Sequence[Capture], depths: list[np.ndarray]
+) -> Callable[[Camera], np.ndarray]:
+    """Renders the asset's colour as the captures' camera exposes it; its depth (H, W) is appended to ``depths``."""
+    exposed = as_exposed(asset, captures)
 
     def colour(camera: Camera) -> np.ndarray:
-        rendering = render(asset, camera)
+        rendering = exposed(camera)
         depths.append(rendering.depth)
         return rendering.colour
 

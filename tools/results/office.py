@@ -26,6 +26,7 @@ from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.sensors.sensor_depth import SensorDepth
 from r2sego_blender.captures.store import CAPTURES
 from r2sego_blender.core.images import resize_nearest
+from r2sego_blender.evaluation.exposed_rendering import as_exposed
 from r2sego_blender.evaluation.frozen import score
 from r2sego_blender.evaluation.scene_evaluation import frozen_views
 from r2sego_blender.generation.conditions.conditions import ZBufferRenderer
@@ -34,7 +35,6 @@ from r2sego_blender.geometry.proxy.proxy import PROXY
 from r2sego_blender.geometry.room.completed_depth import COMPLETED
 from r2sego_blender.geometry.stereo.observed_geometry import OBSERVED
 from r2sego_blender.refine.visual_asset import vanilla_asset
-from r2sego_blender.splats.rendering.rasterizer import render
 from r2sego_blender.splats.training.observations import Observation
 
 from .measure import run_r2sego
@@ -115,7 +115,8 @@ def strongest_baseline(scene: Scene, frozen: Path) -> tuple[float, float]:
     seen = [Observation(capture.camera, capture.image()) for capture in captures]
     steps, rng = h.rounds * h.training.steps_per_round, np.random.default_rng([h.seed, 1])
     asset = vanilla_asset(observed.points, observed.colours, seen, steps, h.training, rng)
-    scored = score(lambda camera: render(asset, camera).colour, frozen_views(scene, frozen))
+    exposed = as_exposed(asset, captures)
+    scored = score(lambda camera: exposed(camera).colour, frozen_views(scene, frozen))
     return round(scored.psnr, 3), round(scored.ssim, 4)
 
 
