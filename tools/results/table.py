@@ -67,9 +67,9 @@ def table(scenes: list[Scene], before: str = "") -> str:
         "| --- | --- | --- | --- | --- | --- | --- | --- |",
         *rows.values(),
         "",
-        "PSNR in dB / SSIM, means over complete held-out views, no mask or correction. Vanilla 3DGS has the",
-        "original's settings and densification; it starts from the same observed points and trains on the",
-        "same captures for as many steps, over black. Refined includes its backdrop.",
+        "PSNR in dB / SSIM, means over complete held-out views, no mask, no correction by what they show. Vanilla",
+        "3DGS has the original's settings and densification; it starts from the same observed points and trains on",
+        "the same captures for as many steps, over black. Refined includes its backdrop.",
         *(f"Made on {date}." if together else f"Made on {date}: {named[date]}." for date in dates),
     ]
     return "\n".join(lines)
