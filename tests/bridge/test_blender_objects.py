@@ -20,6 +20,7 @@ from r2sego_blender.bridge.shared.outliner import find_collection  # noqa: E402
 from r2sego_blender.bridge.views.show_candidates import show_candidates  # noqa: E402
 from r2sego_blender.config.presets import entries  # noqa: E402
 from r2sego_blender.core.errors import SceneError  # noqa: E402
+from r2sego_blender.geometry.proxy.proxy import Provenance  # noqa: E402
 from r2sego_blender.results.panels.frusta import frustum_triangles  # noqa: E402
 
 
@@ -138,8 +139,9 @@ def test_the_proxy_is_coloured_by_provenance(scene, bundle):
         "R2S-EGO prior",
         "R2S-EGO completed",
         "R2S-EGO measured",
+        "R2S-EGO estimated",
     ]
-    assert len({tuple(m.diffuse_color) for m in mesh.materials}) == 4
+    assert len({tuple(m.diffuse_color) for m in mesh.materials}) == len(Provenance)
     assert not mesh.validate()
 
 
