@@ -114,7 +114,7 @@ def check_the_proxy_is_coloured_by_what_is_chosen():
     area = np.empty(13, np.float32)
     mesh.polygons.foreach_get("area", area)
     for by, colours in (
-        ("PROVENANCE", 4),
+        ("PROVENANCE", 5),
         ("SUPPORT", 6),
         ("CONFIDENCE", 5),
         ("VIEWS", 5),
