@@ -7,8 +7,7 @@ from bpy.props import IntProperty
 
 from ...r2sego_blender.bridge.trials.show_poses import show_poses
 from ...r2sego_blender.core.errors import TrialError
-from ...r2sego_blender.trials.plan.trial_plan import FloorPose, PlannedTrial
-from ...r2sego_blender.trials.running.live import Pose
+from ...r2sego_blender.trials.plan.trial_plan import PlannedTrial
 from ..base import ReportingOperator, hint_if_hidden
 from . import facts
 from .polls import needs_study
@@ -40,13 +39,8 @@ class R2SEGO_OT_show_trial_poses(ReportingOperator, bpy.types.Operator):
 
 def show_trial(scene: bpy.types.Scene, study: str, trial: PlannedTrial) -> list[bpy.types.Object]:
     """The poses of a planned trial on the floor."""
-    robot, chair = map(as_pose, (trial.robot_pose, trial.chair_pose))
+    robot, chair = trial.robot_pose.values, trial.chair_pose.values
     return show_poses(scene, Path(study), trial_name(trial.index), robot, chair, trial.chair)
-
-
-def as_pose(planned: FloorPose) -> Pose:
-    """A planned pose, as a session tells it."""
-    return planned.x_m, planned.y_m, planned.heading_deg
 
 
 def _chosen(study: str, read: facts.StudyFacts, number: int) -> PlannedTrial:

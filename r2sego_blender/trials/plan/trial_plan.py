@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -73,6 +74,11 @@ class FloorPose:
     x_m: float = setting(doc="Along the world's x axis.", low=-1000.0, high=1000.0)
     y_m: float = setting(doc="Along the world's y axis.", low=-1000.0, high=1000.0)
     heading_deg: float = setting(doc="The way it faces.", low=-360.0, high=360.0)
+
+    @property
+    def values(self) -> tuple[float, float, float]:
+        """``x_m``, ``y_m`` and ``heading_deg``, as a session tells them."""
+        return self.x_m, self.y_m, self.heading_deg
 
 
 @dataclass(frozen=True)
@@ -157,8 +163,10 @@ class TrialPlan(_PlanFile):
         leads out of the folder.
         """
         study = Path(study_folder)
-        require_own_files(study)
         file = study / PLAN
+        if not os.path.lexists(file):  # whoever points at another folder has it not walked through
+            raise _no_plan(file)
+        require_own_files(study)
         written = _bytes_of(file)
         digest = hashlib.sha256(written).hexdigest()
         if _bytes_of(study / FROZEN).split() != [digest.encode(), PLAN.encode()]:
@@ -237,7 +245,11 @@ def _bytes_of(file: Path) -> bytes:
     except PermissionError as error:
         raise may_not_be_read(file, TrialError) from error
     except (OSError, ValueError) as error:
-        raise TrialError("there is no plan of trials here", where=file, cure=_MAKE) from error
+        raise _no_plan(file) from error
+
+
+def _no_plan(file: Path) -> TrialError:
+    return TrialError("there is no plan of trials here", where=file, cure=_MAKE)
 
 
 def _begun_digest(file: Path) -> str:

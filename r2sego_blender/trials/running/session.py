@@ -15,13 +15,13 @@ from ..line.simulated import DEVICE
 from ..outcome import Judgement, Outcome
 from ..plan.next_trial import is_tethered, next_trial
 from ..plan.study import begin_study, state_of
-from ..plan.trial_plan import FloorPose, PlannedTrial, TrialPlan
+from ..plan.trial_plan import PlannedTrial, TrialPlan
 from ..records.index import Entry, RecordIndex
 from .about import About
 from .clock import Clock, MachineClock
 from .connection import Connection, Heard
 from .controls import Control, Told
-from .live import Counts, Live, Pose, State
+from .live import Counts, Live, State
 from .monitor import Monitor
 from .session_lock import alone
 from .trial import Trial
@@ -226,8 +226,8 @@ class Session:
             label=planned.label,
             repetition=planned.repetition,
             tethered=self._is_tethered(planned) if trial is None else trial.about.tethered,
-            robot_pose=_pose(planned.robot_pose),
-            chair_pose=_pose(planned.chair_pose),
+            robot_pose=planned.robot_pose.values,
+            chair_pose=planned.chair_pose.values,
             chair=planned.chair,
             record=0 if trial is None else trial.about.number,
             newtons=self._monitor.newtons,
@@ -270,7 +270,3 @@ class Session:
             )
             for condition in self.plan.conditions
         )
-
-
-def _pose(pose: FloorPose) -> Pose:
-    return pose.x_m, pose.y_m, pose.heading_deg

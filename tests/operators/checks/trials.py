@@ -90,7 +90,7 @@ def check_a_study_is_opened_and_the_poses_of_its_trials_are_shown():
 
 def check_what_is_no_study_or_was_changed_is_told():
     bpy.ops.wm.read_homefile(use_empty=True)
-    assert refused(bpy.ops.r2sego.open_study, directory=str(OUT.parent))
+    assert "no plan of trials here" in refused(bpy.ops.r2sego.open_study, directory=str(OUT.parent))
     assert group().study == ""
     _, path = opened("changed")
     text = (path / "plan.json").read_text()
@@ -102,7 +102,7 @@ def check_a_study_is_planned_ended_and_printed_by_the_engine():
     _, path = opened("asked")
     conduct("succeed")
     declared = str(path.with_suffix(".toml"))
-    assert refused(bpy.ops.r2sego.plan_trials, filepath=declared)  # it tells none
+    assert "no plan of trials here" in refused(bpy.ops.r2sego.plan_trials, filepath=declared)  # it tells none
     assert "page is missing" in refused(bpy.ops.r2sego.open_trials_page)
     assert "reason" in refused(bpy.ops.r2sego.end_study, reason=" ")
     assert bpy.ops.r2sego.end_study(reason="the gantry broke") == {"FINISHED"}
@@ -134,7 +134,7 @@ def check_a_session_is_started_with_its_device_and_calibration():
 
 
 def _live(plan, index, **more):
-    live, pose = library("running.live"), sys.modules[f"{MODULE}.operators.trials.show_trial_poses"].as_pose
+    live = library("running.live")
     trial = plan.trials[index]
     return live.Live(
         state=live.State.SET_UP,
@@ -144,8 +144,8 @@ def _live(plan, index, **more):
         label=trial.label,
         repetition=trial.repetition,
         tethered=True,
-        robot_pose=pose(trial.robot_pose),
-        chair_pose=pose(trial.chair_pose),
+        robot_pose=trial.robot_pose.values,
+        chair_pose=trial.chair_pose.values,
         chair=trial.chair,
         **more,
     )

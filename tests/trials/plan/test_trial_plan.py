@@ -168,6 +168,14 @@ def test_a_link_out_of_a_study_is_refused(tmp_path, link):
     assert [*outside.iterdir()] == [] and not (study / "begun.json").exists()
 
 
+def test_another_folder_is_not_walked_through(tmp_path):
+    """A home is full of links that lead out of it: what it lacks is a plan."""
+    (tmp_path / "photographs").symlink_to(tmp_path.parent)
+    with pytest.raises(TrialError) as told:
+        TrialPlan.load(tmp_path)
+    assert told.value.where == str(tmp_path / "plan.json")
+
+
 def test_a_plan_is_written_as_it_is_read(study):
     assert plan_bytes(TrialPlan.load(study)) == (study / "plan.json").read_bytes()
 
