@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from ..core.images import at_pixels
 from ..core.progress import Progress
 from .capture import Capture
-from .exposure import at_pixels
 from .sparse_points import SparsePoints
 
 _WINDOW_PX = 15

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from ..core.colours import linear_from_srgb
+from ..core.images import at_pixels
 from .capture import Capture
 from .sparse_points import SparsePoints
 
@@ -66,17 +67,6 @@ def _log_colours(captures: Sequence[Capture], sparse: SparsePoints) -> np.ndarra
         usable = ((colours > _DARKEST) & (colours < _BRIGHTEST)).all(axis=1)
         logs[seen[usable], index] = np.log(linear_from_srgb(colours[usable]))
     return logs
-
-
-def at_pixels(values: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """Values of an image (H, W) or (H, W, C) float32 at pixels (n, 2), (n,) or (n, C), bilinear."""
-    places = np.asarray(pixels, np.float32) - 0.5
-    # OpenCV takes no more than 32767 rows at once.
-    parts = np.array_split(places, max(1, len(places) // 30000 + 1))
-    found = [
-        cv2.remap(values, part[:, :1], part[:, 1:], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for part in parts
-    ]
-    return np.concatenate([one[:, 0] for one in found])
 
 
 def _fitted(logs: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, float, float]:

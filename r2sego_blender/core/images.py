@@ -216,6 +216,20 @@ def resize(image: np.ndarray, width: int, height: int) -> np.ndarray:
     return cv2.resize(image, (width, height), interpolation=method)
 
 
+def at_pixels(values: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """Values of an image (H, W) or (H, W, C) float32 at pixels (n, 2), (n,) or (n, C), bilinear.
+
+    The first pixel's centre is (0.5, 0.5); beyond the border its values go on.
+    """
+    places = (np.asarray(pixels) - 0.5).astype(np.float32)
+    # OpenCV takes no more than 32767 rows at once.
+    parts = np.array_split(places, max(1, len(places) // 30000 + 1))
+    found = [
+        cv2.remap(values, part[:, :1], part[:, 1:], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for part in parts
+    ]
+    return np.concatenate([one[:, 0] for one in found])
+
+
 def resize_nearest(values: np.ndarray, height: int, width: int) -> np.ndarray:
     """Resample a map whose values must not be mixed, such as depth or ids, to (height, width).
 

@@ -17,6 +17,7 @@ import scipy.sparse
 import scipy.sparse.csgraph
 import scipy.spatial
 
+from ...core.images import at_pixels
 from .features import Features
 from .overlap import Matched, Pairs
 
@@ -44,7 +45,7 @@ def align_matches(images: Sequence[np.ndarray], matched: Matched) -> Matched:
     agree = [np.ones(len(keypoints), bool) for keypoints in given]
     for a, b, rows, of_a, of_b in _from_references(matched.pairs, [len(keypoints) for keypoints in given]):
         pair = matched.pairs[min(a, b), max(a, b)][:, :: 1 if a < b else -1]
-        warps = _warps(given[a][pair[:, 0]], given[b][pair[:, 1]])[rows]
+        warps = _warps(given[a][pair[:, 0]], given[b][pair[:, 1]], rows)
         places[b][of_b], agree[b][of_b] = _aligned(grey[a], places[a][of_a], grey[b], places[b][of_b], warps)
     pairs = {}
     for (i, j), matches in matched.pairs.items():
@@ -104,11 +105,11 @@ def _from_references(pairs: Pairs, counts: Sequence[int]) -> Iterator[_Step]:
         reached[to] = True
 
 
-def _warps(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(m, 2, 2): how what lies around matches a, b (m, 2) changes from the one image to the other."""
-    _, near = scipy.spatial.cKDTree(a).query(a, k=min(_NEIGHBOURS, len(a)))
-    near = near.reshape(len(a), -1)
-    in_a, in_b = a[near] - a[:, None], b[near] - b[:, None]
+def _warps(a: np.ndarray, b: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """(m, 2, 2): how what lies around ``rows`` (m,) of matches a, b (n, 2) changes from one image to the other."""
+    _, near = scipy.spatial.cKDTree(a).query(a[rows], k=min(_NEIGHBOURS, len(a)))
+    near = near.reshape(len(rows), -1)
+    in_a, in_b = a[near] - a[rows, None], b[near] - b[rows, None]
     weight = np.ones(near.shape)
     prior = 0.4 * _RADIUS_PX**2 * np.eye(2)
     for _ in range(_REWEIGHTED):
@@ -160,9 +161,8 @@ def _aligned(
 
 
 def _sampled(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """(m, p) values of an image (H, W) at pixels (m, p, 2), whose first has its centre at (0.5, 0.5)."""
-    x, y = np.moveaxis(pixels - 0.5, -1, 0).astype(np.float32)
-    return cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(np.float64)
+    """(m, p) float64 values of an image (H, W) at pixels (m, p, 2)."""
+    return at_pixels(image, pixels.reshape(-1, 2)).reshape(pixels.shape[:2]).astype(np.float64)
 
 
 def _normalised(patches: np.ndarray, window: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
