@@ -330,12 +330,10 @@ def _with_evidence(
     support, observed, confidence = face_evidence(vertices, faces, MeshRasterizer(vertices, faces), completed)
     provenance = np.where(observed > 0, Provenance.OBSERVED, Provenance.COMPLETED).astype(np.uint8)
     measured = _of_source(completed, DepthSource.MEASURED)
-    if any(view.depth.any() for view in measured):
+    if any(view.depth.any() for view in measured) or any(view.certainty is not None for view in completed):
         centroids, normals = vertices[faces].mean(1), normals_and_areas(vertices, faces)[0]
         by_sensor = collect_votes(centroids, measured, _SAME_SURFACE, normals, _LEAST_COSINE).agree
         provenance[(observed > 0) & (2 * by_sensor > observed)] = Provenance.MEASURED
-    if any(view.certainty is not None for view in completed):
-        centroids, normals = vertices[faces].mean(1), normals_and_areas(vertices, faces)[0]
         estimated, _ = _estimates_on(centroids, normals, completed)
         others = [
             KnownDepth(c.camera, np.where(c.seen | (c.source == DepthSource.ESTIMATED), 0, c.depth)) for c in completed
