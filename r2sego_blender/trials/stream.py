@@ -30,6 +30,11 @@ class Channel:
     highest: int
 
 
+def kind_of(channel: str) -> str:
+    """What a channel of that name bears, "tether" or "seat": the name up to an underscore, as of "seat_left"."""
+    return channel.partition("_")[0]
+
+
 @dataclass(frozen=True)
 class Hello:
     """What a device says of itself once a second.

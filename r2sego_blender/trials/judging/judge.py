@@ -11,12 +11,12 @@ from ..calibration.calibration import Calibration
 from ..events import EventKind, TrialEvent
 from ..outcome import Failure, Judgement, Outcome, Unusable
 from ..plan.rules import Rules
-from ..stream import Flags, Stream
+from ..stream import Flags, Stream, kind_of
 from .support import longest_support
 from .validity import recording_problems
 
 TETHER, SEAT = "tether", "seat"
-"""What the names of channels begin with; several of one kind bear together."""
+"""Kinds of channels; several of one kind bear together."""
 
 
 def judge(stream: Stream, events: Sequence[TrialEvent], calibration: Calibration | None, rules: Rules) -> Judgement:
@@ -112,7 +112,7 @@ def _loads(
 
 def _together(loads: np.ndarray, names: Sequence[str], kind: str) -> np.ndarray:
     """The sum of the channels of a kind; NaN without any."""
-    ours = [index for index, name in enumerate(names) if name.partition("_")[0] == kind]
+    ours = [index for index, name in enumerate(names) if kind_of(name) == kind]
     return loads[:, ours].sum(axis=1) if ours else np.full(len(loads), np.nan)
 
 

@@ -13,7 +13,7 @@ from ..calibration.calibration import Calibration
 from ..judging.judge import SEAT
 from ..line.decoding import Sample
 from ..line.framing import SEQUENCES
-from ..stream import Flags, Hello
+from ..stream import Flags, Hello, kind_of
 
 _WINDOW_NS = 1_000_000_000
 _MOST_BATCHES = 1000
@@ -48,7 +48,7 @@ class Monitor:
         self.emergency_stop = bool(last.flags & Flags.EMERGENCY_STOP)
         names = [channel.name for channel in hello.channels]
         self.newtons = tuple(zip(names, self._loads(samples, hello), strict=True))
-        seat = [load for name, load in self.newtons if name.partition("_")[0] == SEAT]
+        seat = [load for name, load in self.newtons if kind_of(name) == SEAT]
         if not seat or not sum(seat) >= self._seat_n:
             self._seated_ns = None
         elif self._seated_ns is None:

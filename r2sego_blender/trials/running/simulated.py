@@ -7,12 +7,14 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
+from ..judging.judge import TETHER
 from ..line.adapters import AsciiStream
 from ..line.device import LineLost, Received
 from ..line.simulated import cell_arguments, script_named
 from ..line.simulated_program import DeviceProgram, ProgramScript, cells_of
 from ..plan.rules import Rules
 from ..plan.trial_plan import PlannedTrial, TrialPlan
+from ..stream import kind_of
 from .clock import Clock
 from .controls import Control, Told
 from .live import Live, State
@@ -138,7 +140,7 @@ class SimulatedOperator:
 
 
 def _is_over(live: Live, rules: Rules) -> bool:
-    tether = [load for name, load in live.newtons if name.startswith("tether")]
+    tether = [load for name, load in live.newtons if kind_of(name) == TETHER]
     sits = live.support_s > 0.0
     return (
         live.support_s >= rules.support_s + _LONGER_S
