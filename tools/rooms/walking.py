@@ -35,7 +35,10 @@ def nested_sets(count: int = NESTED[-1], sizes: Sequence[int] = NESTED) -> dict[
 
 
 def loop_around(floor: FreeFloor, reach: float) -> np.ndarray:
-    """(180, 2) metres: a closed way around the room's free middle, ``reach`` of the way to what stands there."""
+    """(180, 2) metres: a closed way around the room's free middle, ``reach`` of the way to what stands there.
+
+    ``reach`` is a share below 1.
+    """
     places = floor.places(0.25)
     middle = middle_of(places, floor, 0.5)
     angles = np.arange(0.0, 360.0, _STEP_DEG)

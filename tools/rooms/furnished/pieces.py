@@ -62,9 +62,12 @@ def _bed(piece: Piece, size: Size, finishes: Finishes, rng: np.random.Generator)
     piece.cushion(
         (0, -d * 0.17, 0.47), (w - 0.05, d * 0.6, 0.12), _one_of(finishes.cloth, rng), radius=0.05, crown=0.02
     )
-    for x in (-0.25, 0.25) if w > 1.3 else (0.0,):
+    for share in (-0.25, 0.25) if w > 1.3 else (0.0,):
         piece.pillow(
-            (x * w, d / 2 - 0.34, 0.57), (0.55 if w > 1.3 else 0.6, 0.4, 0.16), _one_of(finishes.cloth, rng), (14, 0, 0)
+            (share * w, d / 2 - 0.34, 0.57),
+            (0.55 if w > 1.3 else 0.6, 0.4, 0.16),
+            _one_of(finishes.cloth, rng),
+            (14, 0, 0),
         )
 
 
@@ -131,13 +134,13 @@ def _cabinet(piece: Piece, size: Size, finishes: Finishes, rng: np.random.Genera
             )
     doors = max(2, round(w / 0.45))
     for index in range(doors):
-        x = (index - (doors - 1) / 2) * w / doors
+        middle = (index - (doors - 1) / 2) * w / doors
         rows = 3 if rng.random() < 0.4 else 1
         tall = (h - low - 0.03) / rows
         for row in range(rows):
             z = low + 0.015 + (row + 0.5) * tall
-            piece.box((x, -d / 2 + 0.014, z), (w / doors - 0.012, 0.016, tall - 0.012), upright, bevel=0.004)
-            piece.box((x, -d / 2 + 0.004, z), (0.1, 0.007, 0.014), finishes.metal, bevel=0)
+            piece.box((middle, -d / 2 + 0.014, z), (w / doors - 0.012, 0.016, tall - 0.012), upright, bevel=0.004)
+            piece.box((middle, -d / 2 + 0.004, z), (0.1, 0.007, 0.014), finishes.metal, bevel=0)
 
 
 def _tv_board(piece: Piece, size: Size, finishes: Finishes, rng: np.random.Generator) -> None:
