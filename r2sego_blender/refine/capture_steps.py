@@ -25,8 +25,9 @@ from ..config.settings import Settings
 from ..core.cameras import Camera
 from ..core.progress import Progress
 from ..geometry.estimators.aligned_depth import ESTIMATED, AlignedDepth
-from ..geometry.estimators.aligning import align_estimates
+from ..geometry.estimators.aligning import align_estimates, carried
 from ..geometry.estimators.estimated_depth import ESTIMATES, EstimatedDepth
+from ..geometry.estimators.estimated_points import spread_m, with_estimates
 from ..geometry.objects.objects import OBJECTS, ObjectsFolder
 from ..geometry.objects.prior_files import PRIORS, AlignedPrior, ObjectPrior
 from ..geometry.objects.priors import align_objects, load_library
@@ -36,14 +37,14 @@ from ..geometry.room.completed_depth import COMPLETED, CompletedDepth
 from ..geometry.room.completion import complete_depth, trusted_depth
 from ..geometry.room.planes import PLANES, RoomPlanes, find_planes
 from ..geometry.stereo.measured_depth import with_sensor
-from ..geometry.stereo.observed import observe
+from ..geometry.stereo.observed import observe, require_observed
 from ..geometry.stereo.observed_geometry import OBSERVED, ObservedGeometry
 from ..geometry.stereo.stereo import DEPTH, DepthMap, dense_stereo
 from ..splats.artifacts import BACKDROP, INITIAL_ASSET
 from ..splats.asset import SplatAsset
 from ..splats.training.backdrop import backdrop
 from ..splats.training.initialization import DepthView, merge_views
-from .depths import completed_depths, reliable_depths
+from .depths import carried_depths, completed_depths, reliable_depths
 from .visual_asset import disc_stride_px
 
 Captures = Sequence[Capture]
@@ -105,8 +106,11 @@ class CaptureSteps:
                 maps = with_sensor(maps, captures, found, self.h.stereo)
             return by_file(captures, maps)
 
-        def lift(captures: Captures, depth: PerCapture[DepthMap]) -> SplatAsset:
-            return merge_views(self._lifted(captures, reliable_depths(captures, depth, self.h.stereo)))
+        def lift(captures: Captures, depth: PerCapture[DepthMap], *estimated: PerCapture[AlignedDepth]) -> SplatAsset:
+            depths = reliable_depths(captures, depth, self.h.stereo)
+            for maps in estimated:
+                depths = carried_depths(captures, depths, maps, self._carried(captures, depth))
+            return merge_views(self._lifted(captures, depths))
 
         sensor = [SENSOR_DEPTH] if (self.runner.scene.path / SENSOR_DEPTH.name).is_dir() else []
         depth = self._make(
@@ -118,36 +122,53 @@ class CaptureSteps:
             settings=[self.h.stereo, self.h.seed],
             fits=lambda maps, captures, *_: maps.of(captures),
         )
+        captures = RegisteredCaptures(CAPTURES, SPARSE, depth)
         asset = self._make(
             INITIAL_ASSET,
             lift,
             CAPTURES,
             depth,
+            *self._carrying(captures),
             settings=[self.h.stereo, self._stride_px, self.h.training.detailed_share],
         )
-        return RegisteredCaptures(CAPTURES, SPARSE, depth), asset
+        return captures, asset
 
     def observed_and_prior_geometry(
         self, captures: RegisteredCaptures
     ) -> tuple[Artifact[ObservedGeometry], Artifact[RoomPlanes]]:
         """M_obs with its support record, and the embedded shape prior: the room's own planes."""
 
-        def fuse(captures: Captures, sparse: SparsePoints, depth: PerCapture[DepthMap]) -> ObservedGeometry:
-            return observe(captures, depth.of(captures), sparse, self.h.stereo)
+        def fuse(
+            captures: Captures, sparse: SparsePoints, depth: PerCapture[DepthMap], *estimated: PerCapture[AlignedDepth]
+        ) -> ObservedGeometry:
+            observed = observe(captures, depth.of(captures), sparse, self.h.stereo)
+            for maps in estimated:
+                by = self._carried(captures, depth)
+                observed = with_estimates(observed, captures, maps.of(captures), by, self.h.stereo.point_spacing_m)
+            require_observed(observed)
+            return observed
 
-        def find(captures: Captures, depth: PerCapture[DepthMap], observed: ObservedGeometry) -> RoomPlanes:
+        def find(
+            captures: Captures,
+            depth: PerCapture[DepthMap],
+            observed: ObservedGeometry,
+            *estimated: PerCapture[AlignedDepth],
+        ) -> RoomPlanes:
             rng = np.random.default_rng([self.h.seed, 0])
             cameras = [capture.camera for capture in captures]
-            found = find_planes(observed, cameras, self.h.proxy, rng)
+            off_m = [spread_m(maps.of(captures), self._carried(captures, depth)) for maps in estimated]
+            found = find_planes(observed, cameras, self.h.proxy, rng, *off_m)
             return with_missing_bounds(found, captures, depth.of(captures), observed, self.h)
 
-        observed = self._make(OBSERVED, fuse, *captures, settings=self.h.stereo)
+        estimated = self._carrying(captures)
+        observed = self._make(OBSERVED, fuse, *captures, *estimated, settings=self.h.stereo)
         planes = self._make(
             PLANES,
             find,
             captures.photographs,
             captures.depth,
             observed,
+            *estimated,
             settings=[self.h.stereo, self.h.proxy, self.h.seed],
         )
         return observed, planes
@@ -255,6 +276,19 @@ class CaptureSteps:
             fits=lambda maps, captures, *_: maps.of(captures),
         )
         return [estimated]
+
+    def _carrying(self, captures: RegisteredCaptures) -> list[Artifact[PerCapture[AlignedDepth]]]:
+        """The estimated depth where it carries a capture, else nothing."""
+        return self._estimated(captures) if self._carries else []
+
+    @cached_property
+    def _carries(self) -> bool:
+        """Whether a capture shares so little that it has to be carried; False while its stereo is not made."""
+        scene = self.runner.scene
+        return (scene.path / DEPTH.name).is_dir() and bool(self._carried(scene.read(CAPTURES), scene.read(DEPTH)).any())
+
+    def _carried(self, captures: Captures, depth: PerCapture[DepthMap]) -> np.ndarray:
+        return carried([np.where(one.reliable(self.h.stereo), one.depth, 0.0) for one in depth.of(captures)])
 
     # ---- what all steps have in common
 

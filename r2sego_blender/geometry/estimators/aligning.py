@@ -20,6 +20,10 @@ from .alignment import Aligned, aligned
 from .averaging import brought_together
 from .contradictions import without_contradictions
 from .estimated_depth import EstimatedDepth
+from .floor import floor_in
+
+CARRIED = 0.1
+"""Of a capture's pixels: where less is known by stereo and sensors, what is estimated carries it."""
 
 _FEWEST = 30  # pixels of known depth that an estimate is aligned by
 _LEAST_SINE = 0.02  # of the angle under which a sparse point was triangulated
@@ -35,9 +39,9 @@ def align_estimates(
     """Each capture's estimate in metres at the size of its ``trusted`` depth, of stereo and sensors; 0 where there
     is none.
 
-    A capture that shares too little known depth is brought along by what the others and their estimates show of
-    it. What cannot be aligned is left out with a warning. Raises GeometryError where an estimate is of another size
-    than its capture.
+    What a carried capture shows of the floor counts as known: it is z = 0. One that shares too little known depth
+    is brought along by what the others and their estimates show of it. What cannot be aligned is left out with a
+    warning. Raises GeometryError where an estimate is of another size than its capture.
     """
     own = {
         index: _at_size_of(one, captures[index], trusted[index].camera)
@@ -48,6 +52,9 @@ def align_estimates(
     known = [
         _with_points(view, sparse.points[sparse.visibility[:, index] & sure]) for index, view in enumerate(trusted)
     ]
+    for index in np.flatnonzero(carried([view.depth for view in trusted])):
+        if index in own:
+            known[index] = np.where(known[index] > 0.0, known[index], floor_in(own[index][0], trusted[index].camera))
     found: dict[int, Aligned] = {}
     for index, one in own.items():
         if _shared(one[0], known[index]) >= _FEWEST:
@@ -63,6 +70,11 @@ def align_estimates(
     if found:
         progress.message(_in_words(found, placed, kept))
     return brought_together(kept)
+
+
+def carried(known: Sequence[np.ndarray]) -> np.ndarray:
+    """(N,) bool: the captures of whose ``known`` depth (H, W) there is so little that estimates carry them."""
+    return np.array([(depth > 0.0).mean() < CARRIED for depth in known])
 
 
 def _at_size_of(estimate: EstimatedDepth, capture: Capture, camera: Camera) -> tuple[np.ndarray, np.ndarray]:

@@ -26,12 +26,12 @@ from ...config.settings import Settings, StereoSettings
 from ...core.cameras import Camera
 from ...core.images import resize
 from ...core.progress import SILENT, Progress
-from ..estimators.aligned_depth import AlignedDepth
+from ..estimators.aligned_depth import AlignedDepth, certainty_of
 from ..stereo.edges import aligned_to_edges
 from ..stereo.evidence import FREE_MARGIN, KnownDepth, collect_votes, seen_by_others
 from ..stereo.stereo import DepthMap
 from ..stereo.weak_depth import weak_depth
-from .completed_depth import CompletedDepth, DepthSource, certainty_of
+from .completed_depth import CompletedDepth, DepthSource
 from .patch_depth import ColourView, nearer_depth
 from .planes import RoomPlanes
 
