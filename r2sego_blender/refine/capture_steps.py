@@ -156,7 +156,7 @@ class CaptureSteps:
         ) -> RoomPlanes:
             rng = np.random.default_rng([self.h.seed, 0])
             cameras = [capture.camera for capture in captures]
-            off_m = [spread_m(maps.of(captures), self._carried(captures, depth)) for maps in estimated]
+            off_m = [spread_m(observed, maps.of(captures), self._carried(captures, depth)) for maps in estimated]
             found = find_planes(observed, cameras, self.h.proxy, rng, *off_m)
             return with_missing_bounds(found, captures, depth.of(captures), observed, self.h)
 

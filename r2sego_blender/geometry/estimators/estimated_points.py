@@ -13,6 +13,8 @@ from ..stereo.observed import one_a_voxel
 from ..stereo.observed_geometry import ObservedGeometry
 from .aligned_depth import AlignedDepth, certainty_of
 
+_MOST = 0.5
+
 
 def with_estimates(
     observed: ObservedGeometry,
@@ -39,12 +41,11 @@ def with_estimates(
     return observed
 
 
-def spread_m(estimates: Sequence[AlignedDepth], carried: np.ndarray) -> float:
-    """How far off the estimated points of ``carried`` captures (N,) bool are, one standard deviation; 0 without any."""
-    off = [
-        (one.depth * one.sigma)[one.depth > 0.0]
-        for one, is_carried in zip(estimates, carried, strict=True)
-        if is_carried
-    ]
-    together = np.concatenate([np.zeros(0), *off])
+def spread_m(observed: ObservedGeometry, estimates: Sequence[AlignedDepth], carried: np.ndarray) -> float:
+    """How far off the estimated points of ``carried`` (N,) bool captures are, one standard deviation; 0 where most
+    points are not estimated."""
+    if observed.estimated.sum() < _MOST * len(observed.points):
+        return 0.0
+    views = [estimates[index] for index in np.flatnonzero(carried)]
+    together = np.concatenate([np.zeros(0), *((one.depth * one.sigma)[one.depth > 0.0] for one in views)])
     return float(np.median(together)) if len(together) else 0.0

@@ -28,7 +28,6 @@ _SCORED_POINTS = 8_000  # points a hypothesis is scored on; all take part in the
 _NORMAL_AGREEMENT = 0.9  # cosine between a point's normal and the plane's
 _UPRIGHT = np.cos(np.radians(3.0))  # planes this near to level or upright are made exactly so
 _PARALLEL = np.cos(np.radians(8.0))
-_ESTIMATED_SHARE = 0.5  # of the points, from which on planes are looked for as wide as estimates are off
 _SAME_WALL_M = 0.15  # parallel bounds nearer than this are one wall and what hangs on it
 
 
@@ -109,10 +108,9 @@ def find_planes(
     Each hypothesis is one point and its normal; the best is refined by total least squares
     on its inliers and, when nearly level or upright, made exactly so (gravity is known from
     the world frame). ``cameras`` are the captures': a bounding plane has them all on its
-    free side. ``spread_m``: how far estimated points are off.
+    free side. ``spread_m``: how far most points are off, where that is more than usual.
     """
-    if observed.estimated.sum() > _ESTIMATED_SHARE * len(observed.points):
-        settings = replace(settings, plane_tolerance_m=max(settings.plane_tolerance_m, spread_m))
+    settings = replace(settings, plane_tolerance_m=max(settings.plane_tolerance_m, spread_m))
     points = np.asarray(observed.points, np.float64)
     normals = np.asarray(observed.normals, np.float64)
     tolerance = settings.plane_tolerance_m
