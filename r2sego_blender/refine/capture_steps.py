@@ -25,9 +25,10 @@ from ..config.settings import Settings
 from ..core.cameras import Camera
 from ..core.progress import Progress
 from ..geometry.estimators.aligned_depth import ESTIMATED, AlignedDepth
-from ..geometry.estimators.aligning import align_estimates, carried
+from ..geometry.estimators.aligning import CARRIED, align_estimates
 from ..geometry.estimators.estimated_depth import ESTIMATES, EstimatedDepth
 from ..geometry.estimators.estimated_points import spread_m, with_estimates
+from ..geometry.layout.layout_depth import with_layout
 from ..geometry.objects.objects import OBJECTS, ObjectsFolder
 from ..geometry.objects.prior_files import PRIORS, AlignedPrior, ObjectPrior
 from ..geometry.objects.priors import align_objects, load_library
@@ -256,39 +257,59 @@ class CaptureSteps:
         return aligned
 
     def _estimated(self, captures: RegisteredCaptures) -> list[Artifact[PerCapture[AlignedDepth]]]:
-        """The estimator's depth in the world's metres, where the bundle has any."""
+        """The depth in the world's metres that the bundle's estimator gives, and the room's layout where hardly
+        anything is known; nothing where there is neither."""
+        recorded = [ESTIMATES] if (self.runner.scene.path / ESTIMATES.name).is_dir() else []
+        by_layout = self._needs_layout
 
         def align(
-            captures: Captures, sparse: SparsePoints, depth: PerCapture[DepthMap], estimates: PerCapture[EstimatedDepth]
+            captures: Captures,
+            sparse: SparsePoints,
+            depth: PerCapture[DepthMap],
+            *estimates: PerCapture[EstimatedDepth],
         ) -> dict[str, AlignedDepth]:
             trusted = trusted_depth(depth.of(captures), self.h.stereo)
-            found = [estimates.found(captures, index) for index in range(len(captures))]
-            return by_file(captures, align_estimates(captures, sparse, trusted, found, self.progress))
+            found = [[maps.found(captures, index) for index in range(len(captures))] for maps in estimates]
+            aligned = align_estimates(
+                captures, sparse, trusted, found[0] if found else [None] * len(captures), self.progress
+            )
+            if by_layout:
+                aligned = with_layout(aligned, self._carried(captures, depth), captures, trusted, self.progress)
+            return by_file(captures, aligned)
 
-        if not (self.runner.scene.path / ESTIMATES.name).is_dir():
+        if not recorded and not by_layout:
             return []
         estimated = self._make(
             ESTIMATED,
             align,
             *captures,
-            ESTIMATES,
-            settings=self.h.stereo,
+            *recorded,
+            settings=[self.h.stereo, by_layout] if by_layout else self.h.stereo,
             fits=lambda maps, captures, *_: maps.of(captures),
         )
         return [estimated]
 
     def _carrying(self, captures: RegisteredCaptures) -> list[Artifact[PerCapture[AlignedDepth]]]:
         """The estimated depth where it carries a capture, else nothing."""
-        return self._estimated(captures) if self._carries else []
+        return self._estimated(captures) if (self._known < CARRIED).any() else []
+
+    @property
+    def _needs_layout(self) -> bool:
+        """Whether so little is known of all captures that the room's layout has to say something."""
+        return self.h.proxy.layout == "auto" and len(self._known) > 0 and float(self._known.mean()) < CARRIED
 
     @cached_property
-    def _carries(self) -> bool:
-        """Whether a capture shares so little that it has to be carried; False while its stereo is not made."""
+    def _known(self) -> np.ndarray:
+        """(N,) the share of each capture's pixels that stereo and sensors know; of none while they are not made."""
         scene = self.runner.scene
-        return (scene.path / DEPTH.name).is_dir() and bool(self._carried(scene.read(CAPTURES), scene.read(DEPTH)).any())
+        made = (scene.path / DEPTH.name).is_dir()
+        return self._known_of(scene.read(DEPTH).of(scene.read(CAPTURES))) if made else np.zeros(0)
 
     def _carried(self, captures: Captures, depth: PerCapture[DepthMap]) -> np.ndarray:
-        return carried([np.where(one.reliable(self.h.stereo), one.depth, 0.0) for one in depth.of(captures)])
+        return self._known_of(depth.of(captures)) < CARRIED
+
+    def _known_of(self, maps: Sequence[DepthMap]) -> np.ndarray:
+        return np.array([one.reliable(self.h.stereo).mean() for one in maps])
 
     # ---- what all steps have in common
 

@@ -52,9 +52,9 @@ def align_estimates(
     known = [
         _with_points(view, sparse.points[sparse.visibility[:, index] & sure]) for index, view in enumerate(trusted)
     ]
-    for index in np.flatnonzero(carried([view.depth for view in trusted])):
-        if index in own:
-            known[index] = np.where(known[index] > 0.0, known[index], floor_in(own[index][0], trusted[index].camera))
+    for index, view in enumerate(trusted):
+        if index in own and (view.depth > 0.0).mean() < CARRIED:
+            known[index] = np.where(known[index] > 0.0, known[index], floor_in(own[index][0], view.camera))
     found: dict[int, Aligned] = {}
     for index, one in own.items():
         if _shared(one[0], known[index]) >= _FEWEST:
@@ -70,11 +70,6 @@ def align_estimates(
     if found:
         progress.message(_in_words(found, placed, kept))
     return brought_together(kept)
-
-
-def carried(known: Sequence[np.ndarray]) -> np.ndarray:
-    """(N,) bool: the captures of whose ``known`` depth (H, W) there is so little that estimates carry them."""
-    return np.array([(depth > 0.0).mean() < CARRIED for depth in known])
 
 
 def _at_size_of(estimate: EstimatedDepth, capture: Capture, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
