@@ -41,7 +41,7 @@ def true_depths(scene: Scene, depth: Path) -> list[np.ndarray]:
 
 
 def within(scene: Scene, true: list[np.ndarray], tolerance: float) -> float:
-    """The share of the captures' pixels with a surface whose completed depth is right within ``tolerance``, relative."""
+    """The share of the captures' pixels with a surface where completed depth is right within ``tolerance``."""
     captures = scene.read(CAPTURES)
     near = [
         (np.abs(resize_nearest(one.depth, *truth.shape) - truth) <= tolerance * truth)[truth > 0.0]
