@@ -18,7 +18,7 @@ from ..stereo.evidence import KnownDepth, seen_by_others
 from .aligned_depth import AlignedDepth
 from .alignment import Aligned, aligned
 from .averaging import brought_together
-from .contradictions import without_contradictions
+from .contradictions import contradicted, without_contradictions
 from .estimated_depth import EstimatedDepth
 from .floor import floor_in
 
@@ -52,13 +52,19 @@ def align_estimates(
     known = [
         _with_points(view, sparse.points[sparse.visibility[:, index] & sure]) for index, view in enumerate(trusted)
     ]
+    by_floor = {}
     for index, view in enumerate(trusted):
         if index in own and (view.depth > 0.0).mean() < CARRIED:
-            known[index] = np.where(known[index] > 0.0, known[index], floor_in(own[index][0], view.camera))
+            floor = floor_in(own[index][0], view.camera)
+            by_floor[index] = np.where(known[index] > 0.0, known[index], floor)
     found: dict[int, Aligned] = {}
     for index, one in own.items():
-        if _shared(one[0], known[index]) >= _FEWEST:
-            found |= _taken(index, aligned(*one, known[index]))
+        reference = by_floor.get(index, known[index])
+        if _shared(one[0], reference) >= _FEWEST:
+            found |= _taken(index, aligned(*one, reference))
+    for index in contradicted({i: AlignedDepth(one.depth, one.sigma, trusted[i].camera) for i, one in found.items()}):
+        if index in by_floor:  # what was taken for the floor is a table, or a sill
+            del found[index]
     _bring_along(own, trusted, known, found)
     left_out = [captures[index].name for index in own if index not in found]
     for name in left_out:
