@@ -20,6 +20,7 @@ import numpy as np
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.store import CAPTURES
 from r2sego_blender.core.images import resize_nearest
+from r2sego_blender.evaluation.ground_truth import load_ground_truth
 from r2sego_blender.generation.ego_views import VIEWS
 from r2sego_blender.geometry.room.completed_depth import COMPLETED
 from r2sego_blender.robot.rollouts.rollout import ROLLOUTS
@@ -34,10 +35,13 @@ _RAYS = 3000
 KINDS = ("recorded", "layout")
 
 
-def true_depths(scene: Scene, depth: Path) -> list[np.ndarray]:
+def true_depths(scene: Scene, cameras: Path) -> list[np.ndarray]:
     """The true depth (H, W) of each capture, metres, 0 where there is no surface."""
-    captures = scene.read(CAPTURES)
-    return [resize_nearest(np.load(depth / f"{Path(one.name).stem}.npy"), *one.camera.shape) for one in captures]
+    truth = load_ground_truth(cameras.parent).transformed(np.array(scene.declaration.world_from_capture))
+    return [
+        resize_nearest(view.depth, *capture.camera.shape)
+        for view, capture in zip(truth.views, scene.read(CAPTURES), strict=True)
+    ]
 
 
 def within(scene: Scene, true: list[np.ndarray], tolerance: float) -> float:
@@ -83,14 +87,14 @@ def measure(data: Path, work: Path, room: str, kind: str, error: float, preset: 
         if kind == "recorded":
             maps, rng = work / f"{room}_maps", np.random.default_rng(0)
             maps.mkdir(exist_ok=True)
-            for file in sorted((folder / "depth").glob("*.npy")):
-                np.save(maps / file.name, disturbed(np.load(file), ALL, error, rng))
+            for view in load_ground_truth(cameras.parent).views:
+                np.save(maps / f"{Path(view.name).stem}.npy", disturbed(view.depth, ALL, error, rng))
             run_r2sego("estimate-depth", scene, "--recorded", maps)
     run_r2sego("refine", scene, "--preset", preset)
     run_r2sego("evaluate", scene, "--frozen", cameras)
     opened = Scene.open(scene)
     arms = json.loads(opened.metrics_file.read_text())["arms"]
-    true = true_depths(opened, folder / "depth")
+    true = true_depths(opened, cameras)
     heights_m = floor_heights_m(opened, true)
     last = opened.read(ROLLOUTS.of_round(opened.rounds_done() - 1))
     return {

@@ -62,7 +62,7 @@ def align_estimates(
         reference = by_floor.get(index, known[index])
         if _shared(one[0], reference) >= _FEWEST:
             found |= _taken(index, aligned(*one, reference))
-    for index in contradicted({i: AlignedDepth(one.depth, one.sigma, trusted[i].camera) for i, one in found.items()}):
+    for index in contradicted({i: _placed(one, trusted[i].camera) for i, one in found.items()}):
         if index in by_floor:  # what was taken for the floor is a table, or a sill
             del found[index]
     _bring_along(own, trusted, known, found)

@@ -11,12 +11,12 @@ import numpy as np
 from ...core.cameras import Camera
 
 _LEAST_SLOPE = 0.05  # downwards for each metre ahead: floor that is seen flatter is too far off to tell a scale
-_LEVEL = 0.9  # cosine between up and the normal of what may be floor
-_REACH = 2  # pixels a side of which a normal is made
+_LEVEL = 0.85  # cosine between up and the normal of what may be floor: estimates bend it
+_REACH = 0.012  # of the longest side, either way: what a normal is made of
 _STEP = 0.02  # of the logarithm of the scale
 _WITHIN = 0.12  # relative, of what lies on one floor: an estimate is off by a few per cent here and there
 _BELOW = 2.0  # what lies below a floor speaks against it so many times as much
-_LEAST_SHARE = 0.02  # of the picture that has to be floor
+_LEAST_SHARE = 0.01  # of the picture that has to be floor
 
 
 def floor_depth(camera: Camera) -> np.ndarray:
@@ -37,13 +37,12 @@ def floor_in(depth: np.ndarray, camera: Camera) -> np.ndarray:
     nothing = np.zeros(depth.shape, np.float32)
     if level.sum() < _LEAST_SHARE * depth.size:
         return nothing
-    found = np.sort(scales[level])
-    every = np.sort(scales[asked])
+    found, every = np.sort(scales[level]), np.sort(scales[asked])
     tried = np.arange(found[0], found[-1] + _STEP, _STEP)
     on = np.searchsorted(found, tried + _WITHIN) - np.searchsorted(found, tried - _WITHIN)
     below = np.searchsorted(every, tried - _WITHIN)
     best = int(np.argmax(on - _BELOW * below))
-    if on[best] < _LEAST_SHARE * depth.size or below[best] > on[best]:
+    if on[best] < _LEAST_SHARE * depth.size or on[best] <= _BELOW * below[best]:
         return nothing
     there = level & (np.abs(scales - tried[best]) <= _WITHIN)
     return np.where(there, on_floor, 0.0).astype(np.float32)
@@ -51,7 +50,7 @@ def floor_in(depth: np.ndarray, camera: Camera) -> np.ndarray:
 
 def _upward(points: np.ndarray) -> np.ndarray:
     """(H, W) cosine between up and the normal of the surface through points (H, W, 3); 0 at the border."""
-    r = _REACH
+    r = max(1, round(_REACH * max(points.shape[:2])))
     across = points[r:-r, 2 * r :] - points[r:-r, : -2 * r]
     along = points[2 * r :, r:-r] - points[: -2 * r, r:-r]
     normal = np.cross(along, across)
