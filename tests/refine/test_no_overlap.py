@@ -86,7 +86,7 @@ def _floor_m(scene: Scene) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def recorded(photographs, tmp_path_factory):
-    folder, depths = photographs
+    _, depths = photographs
     scene = _bundle(photographs, tmp_path_factory.mktemp("recorded") / "room.r2s")
     maps, rng = tmp_path_factory.mktemp("maps"), np.random.default_rng(3)
     for index, depth in enumerate(depths):
