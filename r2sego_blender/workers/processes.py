@@ -43,6 +43,21 @@ def end_tree(process: subprocess.Popen) -> None:
         os.killpg(process.pid, signal.SIGKILL)
 
 
+def ended_with_this_process(process: subprocess.Popen) -> subprocess.Popen:
+    """A process that kills ``process``, started with ``group_of_its_own``, and what it started, once this one is gone.
+
+    However this one ends, the pipe to it does too. Kill it before ``process`` is waited for.
+    """
+    command = [sys.executable, "-I", "-S", "-c", _END_AFTER_INPUT, str(process.pid)]
+    return subprocess.Popen(
+        command,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        **group_of_its_own(window=False),
+    )
+
+
 def interrupt_group(process: subprocess.Popen) -> None:
     """Ask a process started with ``group_of_its_own`` to end, as Ctrl-C does."""
     with contextlib.suppress(OSError):
@@ -87,6 +102,15 @@ _PRCTL = ctypes.CDLL(None).prctl if sys.platform.startswith("linux") else None
 
 DYING_WITH_PARENT: dict[str, Any] = {"preexec_fn": die_with_parent} if _PRCTL is not None else {}
 """Arguments of Popen for a process that the system ends with this one, where it can."""
+
+_END_AFTER_INPUT = """\
+import os, signal, subprocess, sys
+sys.stdin.read()
+if os.name == "nt":
+    subprocess.run(["taskkill", "/T", "/F", "/PID", sys.argv[1]], capture_output=True)
+else:
+    os.killpg(int(sys.argv[1]), signal.SIGKILL)
+"""
 
 if sys.platform.startswith("linux"):
 
