@@ -11,17 +11,23 @@ refined.
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from ...captures.capture import Capture
 from ...config.settings import RegistrationSettings, Settings
 from ...core.cameras import Camera
+from ...core.digests import file_identity
 from ...geometry.estimators.learned import Seen
 from ...geometry.estimators.placement import Placement
 from ...geometry.estimators.vggt import Estimator
+from ...workers.learned_backends import LEARNED_BACKENDS
+from ...workers.models import vggt as worker_program
 from ...workers.protocol.asking import Worker, ask
+from ...workers.protocol.program_worker import ProgramWorker, library_command
 from ...workers.protocol.request import Request
 from ...workers.protocol.response import Response
 from .frame_registration import composed
@@ -105,8 +111,24 @@ def _median(values: np.ndarray, weights: np.ndarray) -> float:
 
 
 def installation(name: str, settings: RegistrationSettings) -> Installation:
-    """VGGT where this machine has it, known by its weights."""
-    raise NotImplementedError
+    """VGGT in its own environment, known by the worker's program and by which of its weights are there.
+
+    Raises MachineError where no environment is set up; whether it is complete its worker says when it is asked.
+    """
+    known = LEARNED_BACKENDS["vggt"]
+    command = library_command(known.interpreter(), f"workers.models.{known.worker}")
+    identity = {"program": file_identity(Path(worker_program.__file__)), "weights": _weights()}
+    return Installation(identity, ProgramWorker(command, known.label, known.cure))
+
+
+def _weights() -> str:
+    """The revision that Hugging Face's cache has of the weights, "" where it has none."""
+    home = os.environ.get("HF_HOME") or Path("~/.cache/huggingface").expanduser()
+    cache = os.environ.get("HF_HUB_CACHE") or Path(home, "hub")
+    folder = Path(cache, f"models--{worker_program.REPOSITORY.replace('/', '--')}")
+    with contextlib.suppress(FileNotFoundError):
+        return file_identity(folder / "refs" / "main")
+    return ""
 
 
 @contextlib.contextmanager
