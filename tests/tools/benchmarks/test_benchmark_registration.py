@@ -15,7 +15,9 @@ LOOSE = {"registration.min_inliers": 10, "registration.max_sigma_m": 0.1, "regis
 
 @pytest.mark.slow
 def test_both_registrars_are_scored_on_the_same_frames(tmp_path):
-    scene, bundle = write_painted_room(tmp_path / "scene"), tmp_path / "scene.r2s"
+    folder, bundle = tmp_path / "scene", tmp_path / "scene.r2s"
+    folder.mkdir()
+    scene = write_painted_room(folder)
     create_scene(bundle, scene, scene / "cameras.json")
     refine(Scene.open(bundle).declare(overrides=TINY | LOOSE), until=PROXY.of_round(0).name)
     figures = bench_registration(scene, bundle)
