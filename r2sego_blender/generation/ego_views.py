@@ -228,11 +228,9 @@ def _generate(
     try:
         start = registrar.start(image, target, view.reference, landmarks)
     except (GenerationError, NativeError) as error:
-        told = {"registrar": registrar.name}
-        return _give_up(folder, view, generator.name, target, f"not registered, {error}", told)
+        return _give_up(folder, view, generator.name, target, f"not registered, {error}", {"registrar": registrar.name})
     registered = register_frame(image, target, reference, landmarks, settings.registration, settings.seed, start)
-    reason = registered.reason
-    told = {}
+    reason, told = registered.reason, dict[str, Any]()
     if start is not None:  # the embedded registrar's views stay as they were before there was another
         reason += f" (looked for about the pose of {registrar.name})"
         told = {"registrar": registrar.name, "start": start.to_json()}
