@@ -14,6 +14,7 @@ What is measured stands in ``--to`` as JSON and is not measured again; ``--write
 from __future__ import annotations
 
 import argparse
+import contextlib
 import datetime
 import os
 import shutil
@@ -29,7 +30,7 @@ import numpy as np
 from r2sego_blender.bundle.layout import mask_stems
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.store import CAPTURES
-from r2sego_blender.core.errors import R2SEgoError
+from r2sego_blender.core.errors import GeometryError, R2SEgoError
 from r2sego_blender.core.json_files import read_json, write_json
 from r2sego_blender.core.progress import SILENT, Progress
 from r2sego_blender.editing.recorded_depth import record_depth
@@ -79,7 +80,8 @@ def points(kinds: Sequence[str], errors: Sequence[float], seeds: int) -> tuple[P
 def measure(scene: Path, to: Path, point: Point, refined: bool, progress: Progress = SILENT) -> dict[str, Any]:
     """The figures of one point on the folder ``scene``; its bundle stands in ``to`` while it is worked on.
 
-    Raises EvaluationError and CaptureError for the folder, and what the steps raise.
+    Where too little is known to go on the figures are why, as ``refused``. Raises EvaluationError and CaptureError for
+    the folder, and what else the steps raise.
     """
     truth = load_ground_truth(scene)
     base = _without(scene, to / f"{scene.name}.r2s", progress)
@@ -91,22 +93,26 @@ def measure(scene: Path, to: Path, point: Point, refined: bool, progress: Progre
     }
     if point.kind != NONE:
         figures["given"] = _record(bundle, truth, point)
-    refine(bundle, progress, until=PROXY.of_round(0).name)
-    figures |= {**depth_scores(bundle, truth, base), "proxy": proxy_scores(bundle, truth)}
-    if refined:
-        refine(bundle, progress, until=REFINED_ASSET.name)
-        figures["views"] = view_scores(bundle, scene / "cameras.json")
+    try:
+        refine(bundle, progress, until=PROXY.of_round(0).name)
+        figures |= {**depth_scores(bundle, truth, base), "proxy": proxy_scores(bundle, truth)}
+        if refined:
+            refine(bundle, progress, until=REFINED_ASSET.name)
+            figures["views"] = view_scores(bundle, scene / "cameras.json")
+    except GeometryError as error:
+        figures["refused"] = str(error)
     if bundle is not base:
         shutil.rmtree(bundle.path)
     return figures
 
 
 def _without(scene: Path, path: Path, progress: Progress) -> Scene:
-    """The bundle of a scene without estimates, up to the first proxy."""
+    """The bundle of a scene without estimates, up to the first proxy or as far as it goes."""
     if not path.exists():
         create_scene(path, scene, scene / "cameras.json", progress=progress).declare(preset="preview")
     bundle = Scene.open(path)
-    refine(bundle, progress, until=PROXY.of_round(0).name)
+    with contextlib.suppress(GeometryError):
+        refine(bundle, progress, until=PROXY.of_round(0).name)
     return bundle
 
 
@@ -149,7 +155,7 @@ def main() -> None:
             for point in sorted(asked, key=lambda point: point.kind not in (NONE, ALL)):  # what costs most comes first
                 file = options.to / f"{scene.name}_{point.name}.json"
                 refined = options.refined and point.kind in (NONE, ALL) and point.seed == 0
-                if file.exists() and (not refined or "views" in read_json(file)):
+                if file.exists() and (not refined or {"views", "refused"} & set(read_json(file))):
                     continue
                 write_json(file, measure(scene, options.to, point, refined))
                 print(line(read_json(file)), flush=True)

@@ -101,12 +101,14 @@ def _mean(same: Sequence[Any]) -> Any:
 
 
 def _cells(one: Figures) -> list[str]:
-    completed, proxy = one["completed"], one["proxy"]
     given, estimate, views = one.get("given"), one.get("estimate"), one.get("views")
+    told = [f"{one['kind']}, {one['error']:.0%}" if given else "none", f"{given['absrel']:.1%}" if given else ""]
+    if "refused" in one:
+        return [*told, "", "refused", *[""] * (len(_HEADINGS) - 4)]
+    completed, proxy = one["completed"], one["proxy"]
     sigmas = [f"{100 * estimate[f'within_{count}']:.0f}" for count in (1, 2, 3)] if estimate else []
     return [
-        f"{one['kind']}, {one['error']:.0%}" if given else "none",
-        f"{given['absrel']:.1%}" if given else "",
+        *told,
         _share(estimate) if estimate else "",
         _share(completed),
         _share(one["best"]) if "best" in one else "",
@@ -155,7 +157,7 @@ def _panel(points: Sequence[Figures], scene: str, column: int) -> str:
 
 
 def _shown(one: Figures, column: int) -> bool:
-    return column < 2 or "views" in one
+    return "refused" not in one and (column < 2 or "views" in one)
 
 
 def _value(one: Figures, column: int) -> float:

@@ -110,7 +110,7 @@ def depth_scores(bundle: Scene, truth: GroundTruth, without: Scene | None = None
         aligned = bundle.read(ESTIMATED).of(captures)
         depths = [one.depth for one in aligned]
         scores["estimate"] = {**_shares(depths, true), **calibration(depths, [one.sigma for one in aligned], true)}
-        if without is not None:
+        if without is not None and (without.path / COMPLETED.name).is_dir():
             before = without.read(COMPLETED).of(captures)
             scores["best"] = _shares(
                 [

@@ -43,6 +43,12 @@ def test_a_row_a_kind_and_error_with_the_means_over_seeds():
     assert cells[1][6:] == ["68, 95, 99", "26.00 / 0.800"] and cells[2][-1] == ""
 
 
+def test_a_room_that_is_refused_without_an_estimate_is_told_so():
+    refused = {"scene": "room", "kind": NONE, "error": 0.0, "seed": 0, "made": "today", "refused": "no depth"}
+    assert tables([refused]).splitlines()[-1] == "| none |  |  | refused |  |  |  |  |"
+    assert ET.fromstring(figure([refused, _point("all", 0.05)])).tag.endswith("svg")
+
+
 def test_the_figure_is_sound_and_shows_every_point():
     root = ET.fromstring(figure([*SOME, {**_point("flat", 0.1), "scene": "a <b> & c"}]))
     name = "{http://www.w3.org/2000/svg}"
