@@ -105,14 +105,14 @@ def _cells(one: Figures) -> list[str]:
     told = [f"{one['kind']}, {one['error']:.0%}" if given else "none", f"{given['absrel']:.1%}" if given else ""]
     if "refused" in one:
         return [*told, "", "refused", *[""] * (len(_HEADINGS) - 4)]
-    completed, proxy = one["completed"], one["proxy"]
+    completed, proxy = one["completed"], one.get("proxy")
     sigmas = [f"{100 * estimate[f'within_{count}']:.0f}" for count in (1, 2, 3)] if estimate else []
     return [
         *told,
         _share(estimate) if estimate else "",
         _share(completed),
         _share(one["best"]) if "best" in one else "",
-        f"{100 * proxy['fscore']:.1f} ({100 * proxy['precision']:.1f}, {100 * proxy['recall']:.1f})",
+        f"{100 * proxy['fscore']:.1f} ({100 * proxy['precision']:.1f}, {100 * proxy['recall']:.1f})" if proxy else "",
         ", ".join(sigmas),
         f"{views['psnr']:.2f} / {views['ssim']:.3f}" if views else "",
     ]
@@ -157,7 +157,7 @@ def _panel(points: Sequence[Figures], scene: str, column: int) -> str:
 
 
 def _shown(one: Figures, column: int) -> bool:
-    return "refused" not in one and (column < 2 or "views" in one)
+    return "refused" not in one and ("completed", "proxy", "views")[column] in one
 
 
 def _value(one: Figures, column: int) -> float:
