@@ -25,7 +25,7 @@ _HEADINGS = (
     "completed within 5 (10) %",
     "best choice",
     "F-score (precision, recall)",
-    "within 1, 2, 3 sigma",
+    "unseen within 1, 2, 3 sigma",
     "PSNR / SSIM",
 )
 _PANELS = ("completed depth within 5 %", "F-score of the proxy at 5 cm", "PSNR on frozen views, dB")
@@ -106,7 +106,8 @@ def _cells(one: Figures) -> list[str]:
     if "refused" in one:
         return [*told, "", "refused", *[""] * (len(_HEADINGS) - 4)]
     completed, proxy = one["completed"], one.get("proxy")
-    sigmas = [f"{100 * estimate[f'within_{count}']:.0f}" for count in (1, 2, 3)] if estimate else []
+    unseen = estimate["unseen"] if estimate else {}
+    sigmas = [f"{100 * unseen[f'within_{count}']:.0f}" for count in (1, 2, 3) if f"within_{count}" in unseen]
     return [
         *told,
         _share(estimate) if estimate else "",

@@ -37,6 +37,7 @@ def test_a_disturbed_point_is_as_far_off_as_it_says(measured):
     _, found = measured
     assert 0.03 < found["smooth_0.05_0"]["given"]["absrel"] <= 0.05
     assert found["smooth_0.05_0"]["estimate"]["within_1"] > 0.4
+    assert found["smooth_0.05_0"]["estimate"]["unseen"]["valid"] <= 1.0
 
 
 def test_only_the_bundle_without_estimates_stays(measured):

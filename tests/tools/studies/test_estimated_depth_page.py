@@ -17,7 +17,7 @@ def _point(kind: str, error: float = 0.0, seed: int = 0, right: float = 0.9, psn
     one |= {"completed": _shares(right), "proxy": {"fscore": 0.8, "precision": 0.7, "recall": 0.9}}
     if kind != NONE:
         one["given"] = {"absrel": error, **_shares(0.5)}
-        one["estimate"] = {**_shares(0.6), "within_1": 0.68, "within_2": 0.95, "within_3": 0.99}
+        one["estimate"] = {**_shares(0.6), "unseen": {"within_1": 0.68, "within_2": 0.95, "within_3": 0.99}}
         one["best"] = _shares(0.97)
     if psnr is not None:
         one["views"] = {"psnr": psnr, "ssim": 0.8}
