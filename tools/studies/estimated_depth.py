@@ -6,21 +6,24 @@
 
 Each scene is a folder with photographs, a cameras.json and ground truth as ``load_ground_truth`` reads it. Its bundle
 is made without estimates; for every kind and size of disturbance a copy, stereo done, gets the disturbed maps as
-``r2sego estimate-depth --recorded`` takes them, and goes on to the first proxy. ``--refined`` goes on to the refined
+``r2sego estimate-depth --recorded`` takes them, and goes on to the first proxy; with ``--until views`` to the refined
 asset where all kinds come together, which takes minutes a point. Truth enters nothing else; frozen views only score.
-What is measured stands in ``--to`` as JSON and is not measured again; ``--write`` makes the page's tables and figure.
+What is measured stands in ``--to`` as JSON and is not measured again, and what was cut off goes on where it stopped;
+``--write`` makes the page's tables and figure.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import datetime
 import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,12 +32,13 @@ import numpy as np
 from r2sego_blender.bundle.layout import mask_stems
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.store import CAPTURES
-from r2sego_blender.core.errors import R2SEgoError
+from r2sego_blender.core.errors import GeometryError, R2SEgoError
 from r2sego_blender.core.json_files import read_json, write_json
 from r2sego_blender.core.progress import SILENT, Progress
 from r2sego_blender.editing.recorded_depth import record_depth
 from r2sego_blender.evaluation.ground_truth import GroundTruth, load_ground_truth
 from r2sego_blender.geometry.proxy.proxy import PROXY
+from r2sego_blender.geometry.room.completed_depth import COMPLETED
 from r2sego_blender.pipeline import refine
 from r2sego_blender.refine.creation import create_scene
 from r2sego_blender.splats.artifacts import REFINED_ASSET
@@ -46,8 +50,12 @@ from .scores import depth_scores, given_scores, proxy_scores, view_scores
 
 ERRORS = (0.0, 0.02, 0.05, 0.1, 0.2)
 NONE = "none"
-_MADE_OF_STEREO = ("rounds", "report", "collision", "asset.ply")
-"""What a copy of a bundle leaves behind: everything after the first steps."""
+STAGES = ("completed", "proxy", "views")
+"""What is scored, one after the other: completed depth, the first proxy, the refined asset on frozen views."""
+
+_UNTIL = dict(zip(STAGES, (COMPLETED.name, PROXY.of_round(0).name, REFINED_ASSET.name), strict=True))
+_AFTER_STEREO = ("rounds", "report", "collision", "asset.ply")
+"""What a copy of a bundle leaves behind."""
 
 
 @dataclass(frozen=True)
@@ -76,10 +84,18 @@ def points(kinds: Sequence[str], errors: Sequence[float], seeds: int) -> tuple[P
     return (Point(NONE), *disturbances)
 
 
-def measure(scene: Path, to: Path, point: Point, refined: bool, progress: Progress = SILENT) -> dict[str, Any]:
-    """The figures of one point on the folder ``scene``; its bundle stands in ``to`` while it is worked on.
+def measure(
+    scene: Path,
+    to: Path,
+    point: Point,
+    last: str = "proxy",
+    keep: Callable[[dict[str, Any]], object] = lambda figures: None,
+    progress: Progress = SILENT,
+) -> dict[str, Any]:
+    """The figures of one point on the folder ``scene`` up to the ``last`` of ``STAGES``; ``keep`` gets them after each.
 
-    Raises EvaluationError and CaptureError for the folder, and what the steps raise.
+    Its bundle stands in ``to`` while it is worked on. Where too little is known to go on the figures are why, as
+    ``refused``. Raises EvaluationError and CaptureError for the folder, and what else the steps raise.
     """
     truth = load_ground_truth(scene)
     base = _without(scene, to / f"{scene.name}.r2s", progress)
@@ -91,28 +107,41 @@ def measure(scene: Path, to: Path, point: Point, refined: bool, progress: Progre
     }
     if point.kind != NONE:
         figures["given"] = _record(bundle, truth, point)
-    refine(bundle, progress, until=PROXY.of_round(0).name)
-    figures |= {**depth_scores(bundle, truth, base), "proxy": proxy_scores(bundle, truth)}
-    if refined:
-        refine(bundle, progress, until=REFINED_ASSET.name)
-        figures["views"] = view_scores(bundle, scene / "cameras.json")
+    scores: dict[str, Callable[[], dict[str, Any]]] = {
+        "completed": lambda: depth_scores(bundle, truth, base),
+        "proxy": lambda: {"proxy": proxy_scores(bundle, truth)},
+        "views": lambda: {"views": view_scores(bundle, scene / "cameras.json")},
+    }
+    try:
+        for stage in STAGES[: STAGES.index(last) + 1]:
+            refine(bundle, progress, until=_UNTIL[stage])
+            figures |= scores[stage]()
+            keep(figures)
+    except GeometryError as error:
+        figures["refused"] = str(error)
+        keep(figures)
     if bundle is not base:
         shutil.rmtree(bundle.path)
     return figures
 
 
 def _without(scene: Path, path: Path, progress: Progress) -> Scene:
-    """The bundle of a scene without estimates, up to the first proxy."""
+    """The bundle of a scene without estimates, up to the first proxy or as far as it goes."""
     if not path.exists():
         create_scene(path, scene, scene / "cameras.json", progress=progress).declare(preset="preview")
     bundle = Scene.open(path)
-    refine(bundle, progress, until=PROXY.of_round(0).name)
+    with contextlib.suppress(GeometryError):
+        refine(bundle, progress, until=PROXY.of_round(0).name)
     return bundle
 
 
 def _copied(base: Scene, path: Path) -> Scene:
-    shutil.rmtree(path, ignore_errors=True)
-    shutil.copytree(base.path, path, ignore=shutil.ignore_patterns(*_MADE_OF_STEREO))
+    """The bundle at ``path``, a copy of ``base`` with its stereo if it is not there yet."""
+    if not path.exists():
+        begun = path.with_suffix(".partial")
+        shutil.rmtree(begun, ignore_errors=True)
+        shutil.copytree(base.path, begun, ignore=shutil.ignore_patterns(*_AFTER_STEREO))
+        begun.rename(path)
     return Scene.open(path)
 
 
@@ -139,7 +168,7 @@ def main() -> None:
     parser.add_argument("--errors", type=_numbers, default=ERRORS, help="mean relative errors, such as 0,0.05")
     parser.add_argument("--kinds", type=_kinds, default=KINDS, help=f"of {','.join(KINDS)}")
     parser.add_argument("--seeds", type=int, default=1, help="how many disturbances of each kind and size")
-    parser.add_argument("--refined", action="store_true", help="of all kinds together also the refined asset's scores")
+    parser.add_argument("--until", choices=STAGES, default="proxy", help="'views' only where all kinds come together")
     parser.add_argument("--write", action="store_true", help="write docs/estimated-depth.md's table and figure")
     options = parser.parse_args()
     options.to.mkdir(parents=True, exist_ok=True)
@@ -148,11 +177,10 @@ def main() -> None:
         for scene in options.scene:
             for point in sorted(asked, key=lambda point: point.kind not in (NONE, ALL)):  # what costs most comes first
                 file = options.to / f"{scene.name}_{point.name}.json"
-                refined = options.refined and point.kind in (NONE, ALL) and point.seed == 0
-                if file.exists() and (not refined or "views" in read_json(file)):
-                    continue
-                write_json(file, measure(scene, options.to, point, refined))
-                print(line(read_json(file)), flush=True)
+                alone = point.kind not in (NONE, ALL) or point.seed > 0
+                last = "proxy" if alone and options.until == "views" else options.until
+                if not file.exists() or not {last, "refused"} & set(read_json(file)):
+                    print(line(measure(scene, options.to, point, last, partial(write_json, file))), flush=True)
     except R2SEgoError as error:
         sys.exit(str(error))
     if options.write:

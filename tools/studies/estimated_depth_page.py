@@ -25,7 +25,7 @@ _HEADINGS = (
     "completed within 5 (10) %",
     "best choice",
     "F-score (precision, recall)",
-    "within 1, 2, 3 sigma",
+    "unseen within 1, 2, 3 sigma",
     "PSNR / SSIM",
 )
 _PANELS = ("completed depth within 5 %", "F-score of the proxy at 5 cm", "PSNR on frozen views, dB")
@@ -101,16 +101,19 @@ def _mean(same: Sequence[Any]) -> Any:
 
 
 def _cells(one: Figures) -> list[str]:
-    completed, proxy = one["completed"], one["proxy"]
     given, estimate, views = one.get("given"), one.get("estimate"), one.get("views")
-    sigmas = [f"{100 * estimate[f'within_{count}']:.0f}" for count in (1, 2, 3)] if estimate else []
+    told = [f"{one['kind']}, {one['error']:.0%}" if given else "none", f"{given['absrel']:.1%}" if given else ""]
+    if "refused" in one:
+        return [*told, "", "refused", *[""] * (len(_HEADINGS) - 4)]
+    completed, proxy = one["completed"], one.get("proxy")
+    unseen = estimate["unseen"] if estimate else {}
+    sigmas = [f"{100 * unseen[f'within_{count}']:.0f}" for count in (1, 2, 3) if f"within_{count}" in unseen]
     return [
-        f"{one['kind']}, {one['error']:.0%}" if given else "none",
-        f"{given['absrel']:.1%}" if given else "",
+        *told,
         _share(estimate) if estimate else "",
         _share(completed),
         _share(one["best"]) if "best" in one else "",
-        f"{100 * proxy['fscore']:.1f} ({100 * proxy['precision']:.1f}, {100 * proxy['recall']:.1f})",
+        f"{100 * proxy['fscore']:.1f} ({100 * proxy['precision']:.1f}, {100 * proxy['recall']:.1f})" if proxy else "",
         ", ".join(sigmas),
         f"{views['psnr']:.2f} / {views['ssim']:.3f}" if views else "",
     ]
@@ -155,7 +158,7 @@ def _panel(points: Sequence[Figures], scene: str, column: int) -> str:
 
 
 def _shown(one: Figures, column: int) -> bool:
-    return column < 2 or "views" in one
+    return "refused" not in one and ("completed", "proxy", "views")[column] in one
 
 
 def _value(one: Figures, column: int) -> float:

@@ -88,7 +88,8 @@ def _fitted(depth: np.ndarray, true: np.ndarray) -> np.ndarray:
 
 
 def depth_scores(bundle: Scene, truth: GroundTruth, without: Scene | None = None) -> dict[str, Any]:
-    """Of the completed depth, of each of its sources, and of the aligned estimates where there are any.
+    """Of the completed depth, of each of its sources, and of the aligned estimates where there are any, all over and
+    where nothing was seen.
 
     ``truth`` is in the frame of the photographs' own poses. With the bundle ``without`` estimates also of the ``best``
     that can be made of its depth and the estimates: what was seen there stays, elsewhere the truth chooses.
@@ -109,8 +110,11 @@ def depth_scores(bundle: Scene, truth: GroundTruth, without: Scene | None = None
     if (bundle.path / ESTIMATED.name).is_dir():
         aligned = bundle.read(ESTIMATED).of(captures)
         depths = [one.depth for one in aligned]
-        scores["estimate"] = {**_shares(depths, true), **calibration(depths, [one.sigma for one in aligned], true)}
-        if without is not None:
+        sigmas = [one.sigma for one in aligned]
+        unseen = [np.where(one.seen, 0.0, each) for one, each in zip(completed, true, strict=True)]
+        scores["estimate"] = {**_shares(depths, true), **calibration(depths, sigmas, true)}
+        scores["estimate"]["unseen"] = calibration(depths, sigmas, unseen)
+        if without is not None and (without.path / COMPLETED.name).is_dir():
             before = without.read(COMPLETED).of(captures)
             scores["best"] = _shares(
                 [

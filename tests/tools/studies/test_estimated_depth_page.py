@@ -17,7 +17,7 @@ def _point(kind: str, error: float = 0.0, seed: int = 0, right: float = 0.9, psn
     one |= {"completed": _shares(right), "proxy": {"fscore": 0.8, "precision": 0.7, "recall": 0.9}}
     if kind != NONE:
         one["given"] = {"absrel": error, **_shares(0.5)}
-        one["estimate"] = {**_shares(0.6), "within_1": 0.68, "within_2": 0.95, "within_3": 0.99}
+        one["estimate"] = {**_shares(0.6), "unseen": {"within_1": 0.68, "within_2": 0.95, "within_3": 0.99}}
         one["best"] = _shares(0.97)
     if psnr is not None:
         one["views"] = {"psnr": psnr, "ssim": 0.8}
@@ -41,6 +41,12 @@ def test_a_row_a_kind_and_error_with_the_means_over_seeds():
     assert [row[4] for row in cells] == ["", *["97.0 (98.0)"] * 3]
     assert cells[0][1:3] == ["", ""] and cells[0][-1] == "25.00 / 0.800"
     assert cells[1][6:] == ["68, 95, 99", "26.00 / 0.800"] and cells[2][-1] == ""
+
+
+def test_a_room_that_is_refused_without_an_estimate_is_told_so():
+    refused = {"scene": "room", "kind": NONE, "error": 0.0, "seed": 0, "made": "today", "refused": "no depth"}
+    assert tables([refused]).splitlines()[-1] == "| none |  |  | refused |  |  |  |  |"
+    assert ET.fromstring(figure([refused, _point("all", 0.05)])).tag.endswith("svg")
 
 
 def test_the_figure_is_sound_and_shows_every_point():
