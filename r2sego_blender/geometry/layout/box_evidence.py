@@ -16,18 +16,15 @@ from scipy.cluster.vq import kmeans2
 
 from ...core.cameras import Camera
 from ...core.compiled import inlined, parallel_kernel, prange
-from .segments import Segments, directions, room_axes, samples
+from .segments import ASTRAY, UPRIGHT, Segments, directions, room_axes, samples
 
-TEMPERATURE = 8.0
-"""By how much worse a score is that is e times less likely, as made-up rooms tell."""
-
-_COLOURS = 24
+_COLOURS = 40
 _PIXELS = 2400  # of a capture, that are asked for their colours
 _USUAL_HEIGHT_M, _HEIGHT_SPREAD_M = 2.5, 0.25
-_COLOUR_WEIGHT, _EDGE_WEIGHT, _SIDE_WEIGHT = 400.0, 3.0, 1.0
-_BORDER_WEIGHT, _ALIKE_WEIGHT, _KNOWN_WEIGHT = 0.1, 0.05, 0.3
-_SKIRTING_COST = 3.0
 _EDGE_RAD = 0.008
+_BINS = 200  # of an edge's length, each of which is seen once
+_CLOSE_M = 2.0  # nearer to the camera most of what is low in the picture is floor
+_WEIGHTS = np.array([31, 0, 40, -40, 20, 64, 0.9, 1, -19, 6.2, 57, 34, 67, -7.5, -17, -17, -0.83, -5.1, 0.13])
 _ALIKE_STEP, _ALIKE_STEPS = 0.02, 40
 
 
@@ -40,11 +37,11 @@ class BoxEvidence:
     pixel_views: np.ndarray
     row_of: np.ndarray
     colours: np.ndarray
+    floor_like: np.ndarray
     known: np.ndarray
     line_rays: np.ndarray
     line_views: np.ndarray
     line_directions: np.ndarray
-    line_weights: np.ndarray
     centres: np.ndarray
     projections: np.ndarray
     looks: np.ndarray
@@ -52,21 +49,21 @@ class BoxEvidence:
     alike: np.ndarray
     finer: float
 
-    def scores(self, boxes: np.ndarray) -> np.ndarray:
-        """(n,) of boxes (n, 6): x low, x high, y low, y high, height, height of the skirting board."""
+    def terms(self, boxes: np.ndarray) -> np.ndarray:
+        """(n, len(_WEIGHTS)) what speaks for boxes (n, 6): x low, x high, y low, y high, height, skirting board's."""
         counts = np.zeros((len(boxes), 6, _COLOURS))
-        terms = np.zeros((len(boxes), 4))
-        _score(
+        terms = np.zeros((len(boxes), len(_WEIGHTS)))
+        _terms(
             np.ascontiguousarray(boxes, np.float64),
             self.pixel_rays,
             self.pixel_views,
             self.row_of,
             self.colours,
+            self.floor_like,
             self.known,
             self.line_rays,
             self.line_views,
             self.line_directions,
-            self.line_weights,
             self.centres,
             self.projections,
             self.looks,
@@ -77,17 +74,18 @@ class BoxEvidence:
         )
         share = counts / counts.sum((1, 2), keepdims=True)
         apart = share.sum(2, keepdims=True) * share.sum(1, keepdims=True)
-        told = (share * np.log(np.maximum(share, 1e-12) / np.maximum(apart, 1e-12))).sum((1, 2))
-        usual = 0.5 * ((boxes[:, 4] - _USUAL_HEIGHT_M) / _HEIGHT_SPREAD_M) ** 2
-        return (
-            _COLOUR_WEIGHT * told
-            + terms[:, 0]
-            - _BORDER_WEIGHT * terms[:, 1] * np.sqrt(self.finer)
-            + _ALIKE_WEIGHT * terms[:, 2] * self.finer
-            + _KNOWN_WEIGHT * terms[:, 3] * self.finer
-            - TEMPERATURE * usual
-            - _SKIRTING_COST * (boxes[:, 5] > 0)
-        )
+        terms[:, 0] = (share * np.log(np.maximum(share, 1e-12) / np.maximum(apart, 1e-12))).sum((1, 2))
+        terms[:, 1:6] /= len(self.own)
+        terms[:, 6:13] /= len(self.centres) * 100.0 / self.finer
+        terms[:, 13:16] /= np.sqrt(len(self.own)) * len(self.centres)
+        terms[:, 16] = 0.5 * ((boxes[:, 4] - _USUAL_HEIGHT_M) / _HEIGHT_SPREAD_M) ** 2
+        terms[:, 17] = np.log(boxes[:, 1] - boxes[:, 0]) + np.log(boxes[:, 3] - boxes[:, 2])
+        terms[:, 18] = boxes[:, 5] > 0.0
+        return terms
+
+    def scores(self, boxes: np.ndarray) -> np.ndarray:
+        """(n,) log likelihood up to a constant of ``boxes``, as of ``terms``."""
+        return self.terms(boxes) @ _WEIGHTS
 
 
 def box_evidence(
@@ -131,18 +129,17 @@ def box_evidence(
     line_rays, owner = samples(segments, max(cameras[0].shape) / finer)
     kind = directions(segments, turn)
     centre = np.array([camera.centre for camera in cameras]) @ axes.T
-    weight = finer / max(1, len(cameras)) * np.ones(len(owner))
     all_looks = np.array(looks)
     return BoxEvidence(
         np.concatenate(rays),
         np.concatenate(views),
         np.concatenate(rows),
         clusters.astype(np.int64),
+        _floor_like(clusters, np.concatenate(rays), centre[np.concatenate(views), 2]),
         np.concatenate(distances),
         np.ascontiguousarray(line_rays @ axes.T),
         segments.view[owner],
         kind[owner],
-        weight,
         centre,
         np.array(projections),
         all_looks,
@@ -150,6 +147,16 @@ def box_evidence(
         _alike(np.concatenate(colours), seed),
         finer,
     )
+
+
+def _floor_like(colours: np.ndarray, rays: np.ndarray, heights: np.ndarray) -> np.ndarray:
+    """(colours,) log of how much oftener each is low and close than above the horizon, where no floor is."""
+    low = -heights / np.minimum(rays[:, 2], -1e-6) < _CLOSE_M * 1.3
+    low &= rays[:, 2] < 0.0
+    floor = np.bincount(colours[low], minlength=_COLOURS) + 1.0
+    other = np.bincount(colours[rays[:, 2] > 0.0], minlength=_COLOURS) + 1.0
+    ratio: np.ndarray = np.clip(np.log(floor / floor.sum() / (other / other.sum())), -2.0, 2.0)
+    return ratio
 
 
 def _alike(colours: np.ndarray, seed: int) -> np.ndarray:
@@ -204,17 +211,17 @@ def _coincides(ua, uz, da, dz):
 
 
 @parallel_kernel
-def _score(
+def _terms(
     boxes,
     rays,
     views,
     row_of,
     colours,
+    floor_like,
     known,
     line_rays,
     line_views,
     kinds,
-    weights,
     centres,
     projections,
     looks,
@@ -225,22 +232,28 @@ def _score(
 ):
     for b in prange(boxes.shape[0]):
         box = boxes[b]
+        term = np.zeros(terms.shape[1])
         labels = np.empty(rays.shape[0], np.int8)
-        border, likeness, agree = 0.0, 0.0, 0.0
         for i in range(rays.shape[0]):
             o, d = centres[views[i]], rays[i]
             side, t = _side(box, o, d)
             labels[i] = side
             counts[b, side, colours[i]] += 1.0
+            if side == 4:
+                term[2] += min(floor_like[colours[i]], 0.0)
+            elif d[2] < 0.0:
+                term[1] += max(floor_like[colours[i]], 0.0)
             row = row_of[i]
             if row > 0:
-                border += labels[i - row] != side
-                border += views[i - 1] == views[i] and labels[i - 1] != side
+                for j in (i - row, i - 1):
+                    if views[j] == views[i] and labels[j] != side:
+                        farther = max(labels[j], side)
+                        term[13 if farther == 4 else 14 if farther == 5 else 15] += 1.0
             if known[i] > 0.0:
                 if t < known[i] * 0.95:
-                    agree -= 2.0
+                    term[3] += 1.0
                 elif t < known[i] * 1.05:
-                    agree += 1.0
+                    term[4] += 1.0
             if i % 2 == 0:
                 best, seen = -10.0, False
                 x, y, z = o[0] + t * d[0], o[1] + t * d[1], o[2] + t * d[2]
@@ -258,40 +271,46 @@ def _score(
                     off = 0.0
                     for c in range(3):
                         off += (looks[v, int(q), int(u), c] - own[i, c]) ** 2
-                    k = min(int(np.sqrt(off) / _ALIKE_STEP), _ALIKE_STEPS - 1)
-                    best = max(best, alike[k])
+                    best = max(best, alike[min(int(np.sqrt(off) / _ALIKE_STEP), _ALIKE_STEPS - 1)])
                     seen = True
                 if seen:
-                    likeness += best
-        lines = 0.0
+                    term[5] += best
         h, skirting = box[4], box[5]
+        covered = np.zeros((centres.shape[0], 16, _BINS), np.float32)
         for i in range(line_rays.shape[0]):
             kind = kinds[i]
-            if kind == 3:
+            if kind == ASTRAY:
                 continue
-            o, d = centres[line_views[i]], line_rays[i]
-            side, t = _side(box, o, d)
-            value = 0.0
-            if kind == 2:
-                if side == 5:
-                    value -= _SIDE_WEIGHT
-                elif side < 4:
+            o, d, on = centres[line_views[i]], line_rays[i], covered[line_views[i]]
+            side, _ = _side(box, o, d)
+            wall = side // 2
+            if kind == UPRIGHT:
+                term[6 if wall < 2 else 7 if side == 4 else 8] += 1.0
+                if wall < 2:
+                    bin = int((d[2] + 1.0) * 0.499 * _BINS)
                     for cx in range(2):
                         for cy in range(2):
-                            value += _EDGE_WEIGHT * _coincides(box[cx] - o[0], box[2 + cy] - o[1], d[0], d[1])
+                            found = _coincides(box[cx] - o[0], box[2 + cy] - o[1], d[0], d[1])
+                            on[2 * cx + cy, bin] = max(on[2 * cx + cy, bin], found)
             else:
-                a = 1 - kind
-                w = side // 2
-                if w == kind:
-                    value -= _SIDE_WEIGHT
+                across = 1 - kind
+                if wall == kind:
+                    term[8] += 1.0
                 else:
-                    if w == a:
-                        value += _SIDE_WEIGHT
+                    if wall == across:
+                        term[9] += 1.0
+                    bin = int((d[kind] + 1.0) * 0.499 * _BINS)
                     for c in range(2):
-                        ua = box[2 * a + c] - o[a]
-                        value += _EDGE_WEIGHT * _coincides(ua, -o[2], d[a], d[2])
-                        value += _EDGE_WEIGHT * _coincides(ua, h - o[2], d[a], d[2])
-                        if skirting > 0.0:
-                            value += _EDGE_WEIGHT * _coincides(ua, skirting - o[2], d[a], d[2])
-            lines += weights[i] * value
-        terms[b, 0], terms[b, 1], terms[b, 2], terms[b, 3] = lines, border, likeness, agree
+                        away, edge = box[2 * across + c] - o[across], 4 + 6 * across + 3 * c
+                        for k in range(3):
+                            z = 0.0 if k == 0 else h if k == 1 else skirting
+                            if k < 2 or skirting > 0.0:
+                                found = _coincides(away, z - o[2], d[across], d[2])
+                                on[edge + k, bin] = max(on[edge + k, bin], found)
+        for v in range(centres.shape[0]):
+            for edge in range(16):
+                k = 10 if edge < 4 else 11 if (edge - 4) % 3 != 1 else 12
+                for bin in range(_BINS):
+                    term[k] += covered[v, edge, bin]
+        for k in range(terms.shape[1]):
+            terms[b, k] = term[k]

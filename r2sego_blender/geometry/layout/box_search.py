@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...core.cameras import Camera
-from .box_evidence import TEMPERATURE, BoxEvidence, box_evidence
+from .box_evidence import BoxEvidence, box_evidence
 from .room_box import RoomBox
 from .segments import Segments, level_turn, room_axes
 
@@ -89,6 +89,6 @@ def _spread(evidence: BoxEvidence, box: np.ndarray, grids: Sequence[np.ndarray])
         tried = np.repeat(box[None], len(places), 0)
         tried[:, k] = places
         scores = evidence.scores(tried)
-        weight = np.exp((scores - scores.max()) / TEMPERATURE) * np.gradient(places)
+        weight = np.exp(scores - scores.max()) * np.gradient(places)
         sigma[side] = np.sqrt((weight * (places - box[k]) ** 2).sum() / weight.sum())
     return np.maximum(sigma, 0.02) * [1, 1, 1, 1, 0, 1]
