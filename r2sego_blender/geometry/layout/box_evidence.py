@@ -24,7 +24,9 @@ _USUAL_HEIGHT_M, _HEIGHT_SPREAD_M = 2.5, 0.25
 _EDGE_RAD = 0.008
 _BINS = 200  # of an edge's length, each of which is seen once
 _CLOSE_M = 2.0  # nearer to the camera most of what is low in the picture is floor
-_WEIGHTS = np.array([31, 0, 40, -40, 20, 64, 0.9, 1, -19, 6.2, 57, 34, 67, -7.5, -17, -17, -0.83, -5.1, 0.13])
+_WEIGHTS = np.array(
+    [49.0, -0.0, 51.0, -40.0, 20.0, 0.0, 1.7, -1.4, -85.0, 0.0, 14.0, 54.0, 100.0, -15.0, -54.0, -0.0, -2.6, -3.7, 0.0]
+)
 _ALIKE_STEP, _ALIKE_STEPS = 0.02, 40
 
 
@@ -42,6 +44,7 @@ class BoxEvidence:
     line_rays: np.ndarray
     line_views: np.ndarray
     line_directions: np.ndarray
+    line_feet: np.ndarray
     centres: np.ndarray
     projections: np.ndarray
     looks: np.ndarray
@@ -64,6 +67,7 @@ class BoxEvidence:
             self.line_rays,
             self.line_views,
             self.line_directions,
+            self.line_feet,
             self.centres,
             self.projections,
             self.looks,
@@ -130,16 +134,21 @@ def box_evidence(
     kind = directions(segments, turn)
     centre = np.array([camera.centre for camera in cameras]) @ axes.T
     all_looks = np.array(looks)
+    floor_like = _floor_like(clusters, np.concatenate(rays), centre[np.concatenate(views), 2])
+    likely = floor_like[clusters].reshape(len(cameras), *looks[0].shape[:2])
+    lines = line_rays @ axes.T
+    feet = _feet(lines, segments.view[owner], np.array(projections), likely)
     return BoxEvidence(
         np.concatenate(rays),
         np.concatenate(views),
         np.concatenate(rows),
         clusters.astype(np.int64),
-        _floor_like(clusters, np.concatenate(rays), centre[np.concatenate(views), 2]),
+        floor_like,
         np.concatenate(distances),
-        np.ascontiguousarray(line_rays @ axes.T),
+        np.ascontiguousarray(lines),
         segments.view[owner],
         kind[owner],
+        feet,
         centre,
         np.array(projections),
         all_looks,
@@ -157,6 +166,27 @@ def _floor_like(colours: np.ndarray, rays: np.ndarray, heights: np.ndarray) -> n
     other = np.bincount(colours[rays[:, 2] > 0.0], minlength=_COLOURS) + 1.0
     ratio: np.ndarray = np.clip(np.log(floor / floor.sum() / (other / other.sum())), -2.0, 2.0)
     return ratio
+
+
+def _feet(rays: np.ndarray, views: np.ndarray, projections: np.ndarray, likely: np.ndarray) -> np.ndarray:
+    """(m,) in [0, 1]: how much the picture looks like floor below points of segments and unlike it above, ``likely``
+    (N, H, W) being the log of how much each pixel does."""
+    height, width = likely.shape[1:]
+    pixels = np.einsum("mij,mj->mi", projections[views][:, :, :3], rays)
+    pixels = pixels[:, :2] / np.maximum(pixels[:, 2:], 1e-6)
+    column = np.clip(pixels[:, 0].astype(int), 0, width - 1)
+    below, above = (
+        np.mean(
+            [likely[views, np.clip((pixels[:, 1] + sign * k).astype(int), 0, height - 1), column] for k in (1, 2)], 0
+        )
+        for sign in (1.0, -1.0)
+    )
+    level: np.ndarray = (
+        1.0
+        / (1.0 + np.exp(-2.0 * np.clip(below, -2.0, 2.0)))
+        / (1.0 + np.exp(-2.0 * np.clip(below - above - 0.3, -3.0, 3.0)))
+    )
+    return level
 
 
 def _alike(colours: np.ndarray, seed: int) -> np.ndarray:
@@ -222,6 +252,7 @@ def _terms(
     line_rays,
     line_views,
     kinds,
+    feet,
     centres,
     projections,
     looks,
@@ -306,11 +337,16 @@ def _terms(
                             z = 0.0 if k == 0 else h if k == 1 else skirting
                             if k < 2 or skirting > 0.0:
                                 found = _coincides(away, z - o[2], d[across], d[2])
+                                if k == 0:
+                                    found *= feet[i]
                                 on[edge + k, bin] = max(on[edge + k, bin], found)
         for v in range(centres.shape[0]):
             for edge in range(16):
                 k = 10 if edge < 4 else 11 if (edge - 4) % 3 != 1 else 12
                 for bin in range(_BINS):
-                    term[k] += covered[v, edge, bin]
+                    found = covered[v, edge, bin]
+                    if edge >= 4 and (edge - 4) % 3 == 2:  # a skirting board is over its foot
+                        found = min(found, covered[v, edge - 2, bin])
+                    term[k] += found
         for k in range(terms.shape[1]):
             terms[b, k] = term[k]

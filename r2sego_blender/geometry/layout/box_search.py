@@ -14,6 +14,7 @@ from .segments import Segments, level_turn, room_axes
 _USUAL_HEIGHT_M = 2.5
 _LEAST_HEIGHT_M, _MOST_HEIGHT_M = 2.2, 4.5
 _NEAREST_WALL_M, _FARTHEST_WALL_M = 0.25, 9.0
+_REFINED = 4  # of the starts
 _STARTS = (0.5, 1.2, 2.2, 3.5)  # metres from the outermost captures
 
 
@@ -37,14 +38,14 @@ def find_box(
     heights = np.linspace(least_height, _MOST_HEIGHT_M, 40)
     skirtings = np.append(0.0, np.arange(0.04, 0.16, 0.01))
     grids = [inner[k] + outward[k] * away for k in range(4)] + [heights, skirtings]
-    best, best_score = np.zeros(6), -np.inf
+    climbed = []
     for start in _STARTS:
         for skirting in (0.0, 0.08):
             box = np.concatenate([inner + outward * start, [max(_USUAL_HEIGHT_M, least_height), skirting]])
-            box, score = _climbed(coarse, box, [*grids[:5], np.array([skirting])])
-            if score > best_score:
-                best, best_score = box, score
-    best, best_score = _climbed(evidence, best, grids)
+            climbed.append(_climbed(coarse, box, [*grids[:5], np.array([skirting])]))
+    climbed.sort(key=lambda found: -found[1])
+    refined = [_climbed(evidence, box, grids) for box, _ in climbed[:_REFINED]]
+    best, best_score = max(refined, key=lambda found: found[1])
     for width in (0.1, 0.02):
         fine = [best[k] + np.linspace(-width, width, 21) * (1.0 + abs(best[k]) * 0.2) for k in range(5)]
         best, best_score = _climbed(evidence, best, [*fine, skirtings])
