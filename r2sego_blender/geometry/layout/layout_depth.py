@@ -24,8 +24,8 @@ _USUAL_M, _USUAL_SIGMA_M = 2.0, 1.0  # from the outermost captures to a wall, wh
 _USUAL_HEIGHT_M, _HEIGHT_SIGMA_M = 2.5, 0.3
 
 # Relative, as made-up rooms tell (tests/geometry/layout).
-_SIGMA, _FLOOR_SIGMA, _STRANGE_SIGMA = 0.05, 0.02, 0.15
-_STANDING_SIGMA, _CUT_SIGMA = 0.2, 0.25
+_SIGMA, _FLOOR_SIGMA, _STRANGE_SIGMA = 0.05, 0.02, 0.3
+_STANDING_SIGMA, _CUT_SIGMA = 0.2, 0.35
 
 
 def layout_depth(
