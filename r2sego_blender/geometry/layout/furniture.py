@@ -138,12 +138,13 @@ def _standing(camera: Camera, box: RoomBox, odds: np.ndarray, uprights: np.ndarr
     height = level.centre[2]
     with np.errstate(divide="ignore"):
         ground = np.where(below > 0.0, height / np.maximum(below, 1e-9), np.inf)  # planar depth of the floor a row
-    lines = np.zeros((level.height, level.width), np.uint8)
+    drawn = np.zeros((level.height, level.width), np.uint8)
     for ends in uprights:
         pixels, ahead = level.project(level.centre + ends)
         if (ahead > 0.1).all():
-            cv2.line(lines, *np.round(pixels - 0.5).astype(int).tolist(), 1, 2)
-    lines = lines > 0
+            begin, end = np.round(pixels - 0.5).astype(int).tolist()
+            cv2.line(drawn, begin, end, (1,), 2)
+    lines = drawn > 0
     found = seen & (likely > _LEAST_LOG_ODDS)
     found = ndimage.binary_opening(found, iterations=1)
     pieces, _ = ndimage.label(found)
