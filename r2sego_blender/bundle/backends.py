@@ -7,9 +7,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ..config.settings import Settings
-from ..config.slots import ESTIMATORS, GENERATORS, RENDERERS, SURFACES, TRAINERS
+from ..config.slots import ESTIMATORS, GENERATORS, REGISTRARS, RENDERERS, SURFACES, TRAINERS
 from ..core.json_files import read_json
 from ..core.printable import printable
+from . import layout
 
 BACKENDS: Mapping[str, str] = {
     "initial_asset": "embedded: dense stereo to splats",
@@ -18,7 +19,7 @@ BACKENDS: Mapping[str, str] = {
     "controller": "embedded: reference motion tracked in MuJoCo",
     "conditions": RENDERERS.labels["z-buffer"],
     "generator": GENERATORS.labels["blending"],
-    "registration": "embedded: patches of the captures and PnP",
+    "registration": REGISTRARS.labels["pnp"],
     "splat_trainer": TRAINERS.labels["cpu"],
 }
 """The backend of each slot of the paper; none of the defaults is a learned model."""
@@ -33,12 +34,16 @@ WITH_RECORDED = {ESTIMATOR: ESTIMATORS.labels["recorded"]}
 """Where depth maps of any origin were recorded; whether a model made them nobody here knows."""
 
 
+_BY_LAYOUT = {ESTIMATOR: "embedded: the room's layout"}
+
+
 def chosen_backends(settings: Settings) -> dict[str, str]:
     """The backends that settings choose."""
     return {
         "surface": SURFACES.labels[settings.proxy.surface],
         "conditions": RENDERERS.labels[settings.generation.renderer],
         "generator": GENERATORS.labels[settings.generation.generator],
+        "registration": REGISTRARS.labels[settings.registration.registrar],
         "splat_trainer": TRAINERS.labels[settings.training.backend],
     }
 
@@ -56,3 +61,9 @@ def controller_backend(bundle: Path) -> dict[str, str]:
         if controller.startswith("replay"):
             return {"controller": f"embedded: {controller}, tracked in MuJoCo"}
     return {}
+
+
+def layout_backend(bundle: Path) -> dict[str, str]:
+    """The room's layout, where it is what estimated depth of ``bundle``; empty elsewhere."""
+    by_layout = (bundle / layout.ESTIMATED).is_dir() and not (bundle / layout.ESTIMATES).is_dir()
+    return dict(_BY_LAYOUT) if by_layout else {}

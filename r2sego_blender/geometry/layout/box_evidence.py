@@ -19,6 +19,9 @@ from ...core.compiled import inlined, parallel_kernel, prange
 from .room_box import FLOOR
 from .segments import ASTRAY, UPRIGHT, Segments, directions, room_axes, samples
 
+JITTER = 1e-3
+"""Of colours before they are clustered: a picture may have fewer colours than there are clusters."""
+
 _COLOURS = 40
 _PIXELS = 2400  # of a capture, that are asked for their colours
 _USUAL_HEIGHT_M, _HEIGHT_SPREAD_M = 2.5, 0.25
@@ -144,7 +147,9 @@ def box_evidence(
         turned = np.eye(4)
         turned[:3, :3] = axes.T
         projections.append(small.matrix @ (small.camera_from_world @ turned)[:3])
-    _, clusters = kmeans2(np.concatenate(colours), _COLOURS, minit="++", iter=12, rng=seed)
+    pool = np.concatenate(colours)
+    pool = pool + np.random.default_rng(seed).normal(0.0, JITTER, pool.shape)
+    _, clusters = kmeans2(pool, _COLOURS, minit="++", iter=12, rng=seed)
     line_rays, owner = samples(segments, max(cameras[0].shape) / finer)
     kind = directions(segments, turn)
     centre = np.array([camera.centre for camera in cameras]) @ axes.T

@@ -18,7 +18,7 @@ from scipy.cluster.vq import kmeans2, vq
 
 from ...core.cameras import Camera
 from ..room.superpixels import superpixels
-from .box_evidence import appearance
+from .box_evidence import JITTER, appearance
 from .room_box import FLOOR, RoomBox
 from .segments import UPRIGHT, Segments, directions
 
@@ -68,6 +68,7 @@ def _odds(images: Sequence[np.ndarray], cameras: Sequence[Camera], box: RoomBox,
     looks = [_look(image) for image in images]
     flat = [look.reshape(-1, look.shape[2]) for look in looks]
     pool = np.concatenate([look[rng.integers(len(look), size=_PIXELS)] for look in flat])
+    pool = pool + rng.normal(0.0, JITTER, pool.shape)
     centres, _ = kmeans2(pool, _COLOURS, minit="++", iter=12, rng=seed)
     colours = [vq(one, centres)[0].reshape(look.shape[:2]) for one, look in zip(flat, looks, strict=True)]
     patches = [superpixels(appearance(image), _PATCH_PX, _COMPACTNESS) for image in images]
