@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..protocol.serving import RANDOM, Request, Task, UnusableError, file_digest, serve
 
 FETCH, CHECK = "--fetch", "--check"
@@ -55,6 +57,12 @@ def weights_file(repository: str, file: str, label: str) -> Path:
         return Path(hf_hub_download(repository, file, local_files_only=True))
     except (OSError, ValueError) as error:  # LocalEntryNotFoundError is both
         raise UnusableError(f"the weights of {label}, {repository}, are not on this machine", _CURE) from error
+
+
+def numbers(values: Any) -> np.ndarray:
+    """Float64, 0 for what is no number: a camera that a model does not find must not cost its depth."""
+    array = np.asarray(values, np.float64)
+    return np.where(np.isfinite(array), array, 0.0)
 
 
 class Loaded:
