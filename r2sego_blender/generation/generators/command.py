@@ -11,6 +11,7 @@ from pathlib import Path
 from ...config.settings import GenerationSettings
 from ...core.digests import file_identity
 from ...core.errors import MachineError
+from ...workers.generator_program import GeneratorProgram
 from ...workers.programs import find_program
 from .program import program_generator
 from .slot import ClipInputs, Generator, Installation
@@ -42,7 +43,8 @@ def installation(name: str, settings: GenerationSettings) -> Installation:
 def make(installed: Installation, inputs: ClipInputs) -> AbstractContextManager[Generator]:
     """The program, asked through files."""
     cure = f"Mend the program in {COMMAND_VARIABLE}, see docs/backends.md."
-    return program_generator(installed, inputs, shlex.join(installed.command), cure)
+    worker = GeneratorProgram(installed.command, shlex.join(installed.command), cure)
+    return program_generator(worker, installed, inputs)
 
 
 def _is_interpreter(word: str, place: int) -> bool:
