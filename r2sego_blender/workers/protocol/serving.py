@@ -227,10 +227,12 @@ def receive_folder(stream: BufferedIOBase, folder: Path, most_bytes: int, most_f
     line = stream.readline(_MOST_LINE)
     try:
         listed = json.loads(line)
-        sizes: dict[str, int] = {plain_path(name): int(size) for name, size in listed}
+        sizes: dict[str, int] = {plain_path(name): size for name, size in listed}
     except (TypeError, AttributeError, RecursionError) as error:
         raise ValueError("it has no list of files") from error
-    if len(sizes) != len(listed) or len(listed) > most_files or min(sizes.values(), default=0) < 0:
+    if not all(type(size) is int and size >= 0 for size in sizes.values()):
+        raise ValueError("its files have no sizes")
+    if len(sizes) != len(listed) or len(listed) > most_files:
         raise ValueError(f"it has {len(listed)} files, of at most {most_files}, or one twice")
     if sum(sizes.values()) > most_bytes:
         raise ValueError(f"it has {sum(sizes.values())} bytes, of at most {most_bytes}")
