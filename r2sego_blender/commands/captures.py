@@ -83,29 +83,35 @@ def register(
 @click.command("estimate-depth")
 @click.argument("scene", type=ANY_PATH)
 @click.option("--recorded", type=FOLDER, help="Maps called as the photographs are: EXR, NPY, NPZ, PNG or TIFF.")
-@click.option("--inverse", is_flag=True, help="They hold inverse depth, as of many models of one photograph.")
-@click.option("--remove", is_flag=True, help="Take the recorded maps away.")
-@output_options("--json")
-def estimate_depth(scene: Path, recorded: Path | None, inverse: bool, remove: bool, output: Output) -> None:
-    """Record depth maps of any origin for SCENE; the next refine fills with them what nothing else knows.
+@click.option("--backend", metavar="NAME", help="A model that is set up here: `r2sego doctor --backends`.")
+@click.option("--inverse", is_flag=True, help="Recorded ones hold inverse depth, as of many models of one photograph.")
+@click.option("--remove", is_flag=True, help="Take the maps away.")
+@output_options("--json", "--json-progress")
+def estimate_depth(
+    scene: Path, recorded: Path | None, backend: str | None, inverse: bool, remove: bool, output: Output
+) -> None:
+    """Record depth maps of any origin for SCENE, or have a model estimate them; the next refine fills with them what
+    nothing else knows.
 
     Maps may be in any unit, each with a scale and a shift of its own: they are aligned to what stereo, sensors
     and sparse points know. Without options it only says which there are.
     """
-    from ..editing.recorded_depth import describe_recorded, lines, record_depth, remove_depth
+    from ..editing import recorded_depth
 
-    if (remove and recorded is not None) or (inverse and recorded is None):
+    if remove + (recorded is not None) + (backend is not None) > 1 or (inverse and recorded is None):
         raise SettingsError(
-            "--remove takes maps away, and --inverse says what given ones hold",
+            "--remove takes maps away, --inverse says what given ones hold, and --backend makes others",
             where="r2sego estimate-depth",
-            cure="Give --recorded FOLDER, with --inverse or without, or --remove alone.",
+            cure="Give --recorded FOLDER, with --inverse or without, or --backend NAME, or --remove alone.",
         )
     opened = Scene.open(scene)
     if recorded is not None:
-        opened = record_depth(opened, recorded, inverse)
+        opened = recorded_depth.record_depth(opened, recorded, inverse)
+    elif backend is not None:
+        opened = recorded_depth.estimate_depth(opened, backend, output.progress)
     elif remove:
-        opened = remove_depth(opened)
-    output.show(describe_recorded(opened), lines)
+        opened = recorded_depth.remove_depth(opened)
+    output.show(recorded_depth.describe_recorded(opened), recorded_depth.lines)
 
 
 COMMANDS = (register, estimate_depth)

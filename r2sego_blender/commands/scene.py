@@ -160,12 +160,20 @@ def plan(scene: Path, preset: str | None, overrides: tuple[str, ...], output: Ou
 
 
 @click.command()
+@click.option(
+    "--backends", is_flag=True, help="The learned backends instead: usable here or why not, and their licences."
+)
 @output_options("--json")
-def doctor(output: Output) -> None:
+def doctor(backends: bool, output: Output) -> None:
     """Say what is installed, what is missing, what it is for and what it costs.
 
     Ends with status 1 where something is missing that is required.
     """
+    if backends:
+        from ..results import backends as learned
+
+        output.show(learned.examine_backends(), learned.lines)
+        return
     from ..results.doctor import examine, lines
 
     findings = examine()

@@ -112,7 +112,7 @@ def make_environment(
         if not _has_pip(python):
             _require_no_others(folder)
             folder.mkdir(parents=True, exist_ok=True)
-            _run(
+            run_command(
                 [sys.executable, "-m", "venv", "--clear", str(folder)],
                 "an environment cannot be made here",
                 "This Python lacks the module venv (Debian: python3-venv), or the folder cannot be written.",
@@ -155,7 +155,7 @@ def _install(
         *asked,
     ]
     told = _PipProgress(progress, downloads, folder, "Reading wheels" if from_wheels else "Downloading, MB", most_mb)
-    _run(
+    run_command(
         command,
         "the packages cannot be installed",
         "Check the network and the room on disk, or give a folder of wheels; then try again: "
@@ -249,7 +249,7 @@ def _has_pip(python: Path) -> bool:
     return asked.returncode == 0
 
 
-def _run(
+def run_command(
     command: list[str],
     failure: str,
     cure: str,
@@ -257,7 +257,10 @@ def _run(
     look: Callable[[], None] = lambda: None,
     variables: dict[str, str] | None = None,
 ) -> None:
-    """Run ``command``; ``on_line`` hears its lines, ``look`` is called now and then."""
+    """Run ``command``; ``on_line`` hears its lines, ``look`` is called now and then.
+
+    Raises MachineError, ``failure`` with its last line, where it does not end well.
+    """
     process = subprocess.Popen(
         command,
         stdin=subprocess.DEVNULL,

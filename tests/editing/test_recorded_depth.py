@@ -153,6 +153,7 @@ def test_the_command_says_what_there_is_and_takes_it_away(scene, tmp_path):
     assert json.loads(run("--recorded", folder, "--json").stdout) == {
         "recorded": 2,
         "captures": 3,
+        "by": "recorded depth maps",
         "of": ["p0.png", "p2.png"],
     }
     assert Scene.open(scene.path).declaration.backends["depth_estimator"] == "recorded depth maps"

@@ -17,7 +17,9 @@ from .estimated_depth import EstimatedDepth
 
 
 class DepthEstimator(Protocol):
-    """What estimates depth of captures."""
+    """What estimates depth of captures; ``label`` is what the bundle calls it, of a model what it told of itself."""
+
+    label: str
 
     def estimate(self, captures: Sequence[Capture], sparse: SparsePoints) -> Mapping[str, EstimatedDepth]:
         """The depth of those captures that it knows, by their names.
@@ -28,6 +30,6 @@ class DepthEstimator(Protocol):
 
 
 def depth_estimator(name: str, **given: Any) -> DepthEstimator:
-    """The estimator that the slot calls ``name``, made with what its class takes."""
+    """The estimator that the slot calls ``name``, made with what its class takes: a model's the name again."""
     module = importlib.import_module(f".{ESTIMATORS.module(name)}", __package__)
     return cast(DepthEstimator, module.Estimator(**given))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -31,6 +32,7 @@ class Estimator:
 
     folder: Path
     inverse: bool = False
+    label: ClassVar[str] = BACKENDS["recorded"]
 
     def estimate(self, captures: Sequence[Capture], sparse: SparsePoints) -> Mapping[str, EstimatedDepth]:
         """See ``backends.DepthEstimator``. Raises CaptureError for a damaged map, and where there is none at all."""
