@@ -45,6 +45,13 @@ class R2SEGO_AP_preferences(bpy.types.AddonPreferences):
         row.operator("r2sego.set_up_engine", icon="IMPORT")
         row.operator("r2sego.check_engine", icon="CHECKMARK")
         layout.label(text=context.window_manager.r2sego_engine.found or "Not checked yet")
+        row = layout.row()
+        row.operator("r2sego.check_backends", icon="CHECKMARK")
+        row.label(text="Learned models, each in a Python of its own: r2sego backend install NAME")
+        for one in context.window_manager.r2sego_engine.backends:
+            row = layout.row()
+            row.label(text=f"{one.name} ({one.licence})", icon="CHECKMARK" if not one.why else "X")
+            row.label(text=one.why or "Can be used")
         layout.separator()
         layout.prop(self, "drawn_faces")
         row = layout.row()

@@ -1,1 +1,1 @@
-"""What developers run beside the library: measuring, making the docs' pages and pictures."""
+"""What developers run beside the library: measuring, rooms to measure on, making the docs' pages and pictures."""

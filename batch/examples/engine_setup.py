@@ -1,6 +1,7 @@
 """Set up the engine, ask what it has, make the demo scene, and follow a job that another Blender left.
 
 blender --background --python batch/examples/engine_setup.py -- --set-up --wheels FOLDER
+blender --background --python batch/examples/engine_setup.py -- --models
 blender --background --python batch/examples/engine_setup.py -- --demo FOLDER [--preset preview]
 python batch/examples/engine_setup.py -- --follow SCENE  (pip bpy)
 
@@ -26,6 +27,7 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="engine_setup.py", description=__doc__.splitlines()[0])
     parser.add_argument("--set-up", action="store_true", help="install the engine into the add-on's folder")
     parser.add_argument("--wheels", default="", help="from this folder of wheels, and not from the network")
+    parser.add_argument("--models", action="store_true", help="say which learned models can be used here")
     parser.add_argument("--demo", default="", metavar="FOLDER", help="make demo_room.r2s there and refine it")
     parser.add_argument("--preset", default="preview", help="settings of the demo scene")
     parser.add_argument("--follow", default="", metavar="SCENE", help="the bundle whose job is followed")
@@ -40,6 +42,10 @@ def press(options: argparse.Namespace) -> None:
     if options.set_up:
         bpy.ops.r2sego.set_up_engine(wheels=options.wheels)
     bpy.ops.r2sego.check_engine()
+    if options.models:
+        bpy.ops.r2sego.check_backends()
+        for one in bpy.context.window_manager.r2sego_engine.backends:
+            print(f"{one.name}: {one.why or 'can be used'}")
     if options.demo:
         bpy.ops.r2sego.demo_scene(directory=options.demo, preset=options.preset)
         tell()

@@ -21,8 +21,8 @@ def add_shell(palette: Palette) -> None:
     shell.box((0, 0, HEIGHT_M + 0.05), (WIDTH_M + 0.3, DEPTH_M + 0.3, 0.1), palette.ceiling, bevel=0)
     shell.box((0, NORTH_M + WALL_M / 2, HEIGHT_M / 2), (WIDTH_M, WALL_M, HEIGHT_M), palette.accent_wall, bevel=0)
     shell.box((EAST_M + WALL_M / 2, 0, HEIGHT_M / 2), (WALL_M, DEPTH_M + 0.3, HEIGHT_M), palette.wall, bevel=0)
-    _wall_with_window("south wall", (0, -NORTH_M, 0), 0.0, WIDTH_M, (-1.5, 1.1, 0.75, 2.25), palette)
-    _wall_with_window("west wall", (-EAST_M, 0, 0), -90.0, DEPTH_M, (-0.95, 0.55, 0.85, 2.2), palette)
+    wall_with_window("south wall", (0, -NORTH_M, 0), 0.0, WIDTH_M, (-1.5, 1.1, 0.75, 2.25), palette)
+    wall_with_window("west wall", (-EAST_M, 0, 0), -90.0, DEPTH_M, (-0.95, 0.55, 0.85, 2.2), palette)
     for centre, size in (
         ((0, NORTH_M - 0.009, 0.05), (WIDTH_M, 0.018, 0.1)),
         ((0, -NORTH_M + 0.009, 0.05), (WIDTH_M, 0.018, 0.1)),
@@ -32,20 +32,24 @@ def add_shell(palette: Palette) -> None:
         shell.box(centre, size, palette.white_paint, bevel=0.004)
 
 
-def _wall_with_window(
+def wall_with_window(
     name: str,
     at: tuple[float, float, float],
     turn_deg: float,
     length_m: float,
     opening: tuple[float, float, float, float],
     palette: Palette,
+    height_m: float = HEIGHT_M,
 ) -> None:
-    """A wall along the piece's x whose room side is +y, with a framed window in it."""
+    """A wall along the piece's x whose room side is +y, with a framed window in it.
+
+    ``opening`` is left, right, sill and head of the window, metres.
+    """
     left, right, sill, head = opening
     wall = Piece(name, at, turn_deg)
     y = -WALL_M / 2
     wall.box((0, y, sill / 2), (length_m, WALL_M, sill), palette.wall, bevel=0)
-    wall.box((0, y, (head + HEIGHT_M) / 2), (length_m, WALL_M, HEIGHT_M - head), palette.wall, bevel=0)
+    wall.box((0, y, (head + height_m) / 2), (length_m, WALL_M, height_m - head), palette.wall, bevel=0)
     for start, end in ((-length_m / 2, left), (right, length_m / 2)):
         size = (end - start, WALL_M, head - sill)
         wall.box(((start + end) / 2, y, (sill + head) / 2), size, palette.wall, bevel=0)

@@ -31,18 +31,20 @@ def add_pictures(palette: Palette, rng: np.random.Generator) -> None:
         ("leaves", artworks.leaves(rng), (0.12, 1.62)),
     )
     for name, pixels, (x, z) in frames:
-        _framed(Piece(f"picture {name}", (x, NORTH_M)), name, pixels, (0.48, 0.64), z, palette.oak, palette)
+        piece = Piece(f"picture {name}", (x, NORTH_M))
+        framed(piece, picture(name, pixels), (0.48, 0.64), z, palette.oak, palette.paper)
     canvas = Piece("picture canvas", (EAST_M, 0.55), -90.0)
-    _framed(canvas, "colour field", artworks.colour_field(rng), (1.05, 0.7), 1.62, palette.walnut, palette)
+    field = picture("colour field", artworks.colour_field(rng))
+    framed(canvas, field, (1.05, 0.7), 1.62, palette.walnut, palette.paper)
 
 
-def _framed(piece: Piece, name: str, pixels, size: tuple[float, float], z: float, frame, palette: Palette) -> None:
-    """A picture with a passe-partout in a frame, hanging on the piece's back plane (y = 0)."""
+def framed(piece: Piece, shown, size: tuple[float, float], z: float, frame, paper) -> None:
+    """A picture's material with a passe-partout in a frame, hanging on the piece's back plane (y = 0)."""
     width, height = size
     bar, depth = 0.028, 0.03
-    piece.box((0, -0.008, z), (width, 0.012, height), palette.paper, bevel=0)
+    piece.box((0, -0.008, z), (width, 0.012, height), paper, bevel=0)
     border = 0.05
-    piece.panel((0, -0.0155, z), (width - 2 * border, height - 2 * border), picture(name, pixels), ON_WALL)
+    piece.panel((0, -0.0155, z), (width - 2 * border, height - 2 * border), shown, ON_WALL)
     for side in (-1, 1):
         piece.box((side * width / 2, -depth / 2, z), (bar, depth, height + bar), frame, bevel=0.003)
         piece.box((0, -depth / 2, z + side * height / 2), (width - bar, depth, bar), frame, bevel=0.003)
@@ -63,7 +65,7 @@ def add_plant(palette: Palette, rng: np.random.Generator) -> None:
     plant.turned((0, 0, 0), pot, palette.terracotta)
     plant.turned((0, 0, 0.3), [(0.175, 0.0), (0.1, 0.02), (0, 0.025)], palette.soil)
     stems = (((0.0, 0.0), (0.04, -0.03), 1.5), ((0.05, -0.02), (0.2, -0.14), 1.2), ((-0.03, -0.04), (-0.1, -0.2), 1.05))
-    leaf_mesh = _leaf_mesh()
+    mesh = leaf_mesh()
     for stem, (foot, head, height) in enumerate(stems):
         plant.beam((*foot, 0.3), (*head, height), (0.013, 0.006), palette.bark)
         for index in range(13):
@@ -73,12 +75,12 @@ def add_plant(palette: Palette, rng: np.random.Generator) -> None:
             y = foot[1] + (head[1] - foot[1]) * share + 0.02 * sin(turn)
             z = 0.3 + (height - 0.3) * share
             droop_deg = -38 + 34 * (1 - share) + rng.uniform(-8, 8)
-            leaf = plant.add(leaf_mesh, (x, y, z), palette.leaf, (0, droop_deg, 0))
+            leaf = plant.add(mesh, (x, y, z), palette.leaf, (0, droop_deg, 0))
             leaf.rotation_euler = (0, radians(droop_deg), turn)
             leaf.scale = (rng.uniform(0.8, 1.15),) * 3
 
 
-def _leaf_mesh(length_m: float = 0.25, width_m: float = 0.12):
+def leaf_mesh(length_m: float = 0.25, width_m: float = 0.12):
     """A leaf along +x that arches down towards its tip."""
     along, across = np.mgrid[0:1:14j, -1:1:7j]
     outline = np.sin(np.pi * np.clip(along, 0, 1) ** 0.85) * 0.98 + 0.02

@@ -16,13 +16,13 @@ SKYLIGHT = (0.86, 0.93, 1.0)
 
 def add_lights() -> None:
     """All lights of the room and the sky outside."""
-    _sun(strength=7.5, heading_deg=14.0, elevation_deg=33.0)
-    _area("south sky", (-0.2, -NORTH_M - 0.2, 1.5), (0, 1, -0.12), (2.5, 1.4), 48.0, SKYLIGHT)
-    _area("west sky", (-EAST_M - 0.3, 0.2, 1.55), (1, 0, -0.05), (1.5, 1.35), 42.0, (1.0, 0.93, 0.82))
-    _area("ceiling fill", (-0.1, -0.1, 2.5), (0, 0, -1), (3.0, 2.4), 17.0, (1.0, 0.92, 0.82))
-    _bulb("floor lamp bulb", (0.78, NORTH_M - 0.32, 1.46), 14.0)
-    _bulb("table lamp bulb", (EAST_M - 0.24, 1.05, 1.04), 6.0)
-    _sky(strength=0.8)
+    add_sun(strength=7.5, heading_deg=14.0, elevation_deg=33.0)
+    add_area("south sky", (-0.2, -NORTH_M - 0.2, 1.5), (0, 1, -0.12), (2.5, 1.4), 48.0, SKYLIGHT)
+    add_area("west sky", (-EAST_M - 0.3, 0.2, 1.55), (1, 0, -0.05), (1.5, 1.35), 42.0, (1.0, 0.93, 0.82))
+    add_area("ceiling fill", (-0.1, -0.1, 2.5), (0, 0, -1), (3.0, 2.4), 17.0, (1.0, 0.92, 0.82))
+    add_bulb("floor lamp bulb", (0.78, NORTH_M - 0.32, 1.46), 14.0)
+    add_bulb("table lamp bulb", (EAST_M - 0.24, 1.05, 1.04), 6.0)
+    add_sky(strength=0.8)
 
 
 def _link(name: str, data: bpy.types.Light, place) -> bpy.types.Object:
@@ -33,7 +33,7 @@ def _link(name: str, data: bpy.types.Light, place) -> bpy.types.Object:
     return light
 
 
-def _sun(strength: float, heading_deg: float, elevation_deg: float) -> None:
+def add_sun(strength: float, heading_deg: float, elevation_deg: float) -> None:
     """Sunlight that travels north, ``heading_deg`` towards the east, falling at ``elevation_deg``."""
     data = bpy.data.lights.new("sun", "SUN")
     data.energy, data.color, data.angle = strength, SUNLIGHT, radians(1.2)
@@ -41,7 +41,8 @@ def _sun(strength: float, heading_deg: float, elevation_deg: float) -> None:
     sun.rotation_euler = (radians(90 - elevation_deg), 0.0, radians(-heading_deg))
 
 
-def _area(name: str, place, direction, size: tuple[float, float], watts: float, tint) -> None:
+def add_area(name: str, place, direction, size: tuple[float, float], watts: float, tint) -> None:
+    """A rectangle that shines in a direction and is not seen itself."""
     data = bpy.data.lights.new(name, "AREA")
     data.shape, data.size, data.size_y = "RECTANGLE", *size
     data.energy, data.color = watts, tint
@@ -49,13 +50,15 @@ def _area(name: str, place, direction, size: tuple[float, float], watts: float, 
     light.rotation_euler = Vector(direction).to_track_quat("-Z", "Y").to_euler()
 
 
-def _bulb(name: str, place, watts: float) -> None:
+def add_bulb(name: str, place, watts: float) -> None:
+    """A warm bulb."""
     data = bpy.data.lights.new(name, "POINT")
     data.energy, data.color, data.shadow_soft_size = watts, WARM, 0.05
     _link(name, data, place)
 
 
-def _sky(strength: float) -> None:
+def add_sky(strength: float) -> None:
+    """A pale blue sky all around."""
     world = bpy.data.worlds.new("sky")
     world.use_nodes = True
     background = world.node_tree.nodes["Background"]

@@ -131,16 +131,16 @@ def plaster(name: str, dark: str, light: str) -> bpy.types.Material:
     return shader.finish(shader.mix(0.6, broad, fine))
 
 
-def planks(name: str) -> bpy.types.Material:
-    """Oak floor boards, 13 cm wide."""
+def planks(name: str, light: str = "#bd9160", dark: str = "#93673b", gap: str = "#2e1c10") -> bpy.types.Material:
+    """Floor boards, 13 cm wide, of oak unless other colours are given."""
     shader = Shader(name, roughness=0.42)
     boards = shader.node(
         "TexBrick",
         Vector=shader.node("TexCoord").outputs["Object"],
         Scale=1.0,
-        Color1=colour("#bd9160"),
-        Color2=colour("#93673b"),
-        Mortar=colour("#2e1c10"),
+        Color1=colour(light),
+        Color2=colour(dark),
+        Mortar=colour(gap),
         Mortar_Size=0.0022,
         Mortar_Smooth=0.3,
         Bias=-0.1,
@@ -285,11 +285,16 @@ class Palette:
     basket: bpy.types.Material
 
 
+def add_tiles(rng: np.random.Generator) -> None:
+    """The grey tiles that ``Shader.texture`` looks up."""
+    for name, draw in (("clouds", textures.fractal), ("strokes", textures.strokes), ("yarns", textures.yarns)):
+        new_image(name, draw(rng), is_data=True)
+
+
 def make_palette(seed: int) -> Palette:
     """All materials; ``seed`` draws the rug's and the cloths' patterns."""
     rng = np.random.default_rng(seed)
-    for name, draw in (("clouds", textures.fractal), ("strokes", textures.strokes), ("yarns", textures.yarns)):
-        new_image(name, draw(rng), is_data=True)
+    add_tiles(rng)
     made = {
         "wall": plaster("wall", "#cfc3ae", "#ece3d2"),
         "accent_wall": plaster("accent_wall", "#75866f", "#98a78e"),

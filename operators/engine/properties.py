@@ -15,6 +15,13 @@ class R2SEGO_PG_ended_job(bpy.types.PropertyGroup):
     level: EnumProperty(items=[(name, name.capitalize(), "") for name in ("INFO", "WARNING", "ERROR")])
 
 
+class R2SEGO_PG_backend(bpy.types.PropertyGroup):
+    """What is known of a learned model"""
+
+    why: StringProperty(description="Why it cannot be used here; empty where it can")
+    licence: StringProperty(description="The licence of its weights")
+
+
 class R2SEGO_PG_engine(bpy.types.PropertyGroup):
     """The engine, as this Blender knows it"""
 
@@ -25,6 +32,7 @@ class R2SEGO_PG_engine(bpy.types.PropertyGroup):
     time_left: StringProperty(description="The time its task still takes, in words")
     running_for: StringProperty(description="How long the job has been running, in words")
     ended: CollectionProperty(type=R2SEGO_PG_ended_job)
+    backends: CollectionProperty(type=R2SEGO_PG_backend)
 
 
 def note_python() -> bool:

@@ -21,6 +21,11 @@ def main() -> int:
     with (HERE / "calls.jsonl").open("a") as file:
         file.write(json.dumps(ARGUMENTS) + "\n")
     conduct = (HERE / "conduct.txt").read_text().strip()
+    if ARGUMENTS[:2] == ["doctor", "--backends"]:
+        usable = {"label": "A Model", "why": "", "weights_licence": "MIT"}
+        missing = {"label": "Another", "why": "Another is not set up", "weights_licence": "CC BY-NC 4.0"}
+        print(json.dumps({"backends": [usable, missing]}))
+        return 0
     if ARGUMENTS[0] == "doctor":
         packages = [{"name": "torch", "version": "9.9", "required": True}]
         found = {"python": "3.99", "r2sego": "0.1.0", "packages": packages, "ready": True}

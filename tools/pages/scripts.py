@@ -25,7 +25,7 @@ ROOMS = {
 }
 ANY_BUTTON = "press_buttons.py"
 """Presses whatever it is told: that shows no operator."""
-_BY_OTHERS = {"check_engine": "doctor", "new_scene_from_files": "new"}
+_BY_OTHERS = {"check_backends": "doctor", "check_engine": "doctor", "new_scene_from_files": "new"}
 """Commands of operators that start them through something else."""
 
 

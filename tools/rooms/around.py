@@ -16,7 +16,7 @@ import numpy as np
 from r2sego_blender.core.cameras import Camera
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 
-from .folder import View, write_room
+from .folder import View, seen_view, write_room
 from .free_floor import free_floor
 from .placing import captures_around, farthest_views
 
@@ -34,8 +34,9 @@ def main() -> None:
     options = parse_options(tuple(scenes.ROOMS))
     started_s = time.monotonic()
     scene = scenes.ROOMS[options.room](options.data)
-    room = MeshRasterizer(scene.vertices, scene.faces)
-    floor = free_floor(scene.vertices, scene.faces, scene.low, scene.high)
+    truth = scene.truth
+    room = MeshRasterizer(truth.vertices, truth.faces)
+    floor = free_floor(truth.vertices, truth.faces, scene.low, scene.high)
     lens = lens_of(options.width)
     captures = captures_around(room, floor, lens)
     frozen = farthest_views(room, floor, captures, FROZEN, SEED)
@@ -48,10 +49,9 @@ def main() -> None:
         for index, camera in enumerate(cameras):
             name = f"{stem}_{index:02d}"
             pictures.photograph(camera, folder / kind / f"{name}.png")
-            seen = room.render(camera)
-            views[kind].append(View(name, camera, seen.depth, seen.of_face(scene.instances, missing=-1)))
+            views[kind].append(seen_view(name, camera, room, truth))
     told = {"room": options.room, "samples": options.samples, "seconds": round(time.monotonic() - started_s)}
-    info = write_room(folder, scene.vertices, scene.faces, scene.instances, scene.names, views, told)
+    info = write_room(folder, truth, {"around": views["photographs"]}, views["frozen"], told)
     print(f"{folder}: overlap {info['overlap']:.1%}, support gap {info['support_gap']:.1%}, {info['seconds']} s")
 
 

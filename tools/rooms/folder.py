@@ -14,6 +14,7 @@ import trimesh
 from r2sego_blender.core.cameras import Camera
 from r2sego_blender.core.json_files import write_json
 from r2sego_blender.evaluation.ground_truth import GroundTruth, TrueView, save_ground_truth
+from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 
 from .seen import overlap_share, support_gap
 
@@ -28,59 +29,86 @@ class View:
     ids: np.ndarray
 
 
+@dataclass(frozen=True)
+class TrueRoom:
+    """The true surface: ``vertices`` (V, 3) metres, ``faces`` (F, 3), ``instances`` (F,) indices of ``names``."""
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    instances: np.ndarray
+    names: tuple[str, ...]
+
+
+def seen_view(name: str, camera: Camera, surface: MeshRasterizer, room: TrueRoom) -> View:
+    """What a camera truly sees; ``surface`` draws the room's mesh."""
+    seen = surface.render(camera)
+    return View(name, camera, seen.depth, seen.of_face(room.instances, missing=-1))
+
+
 def write_room(
-    folder: Path,
-    vertices: np.ndarray,
-    faces: np.ndarray,
-    instances: np.ndarray,
-    names: Sequence[str],
-    views: Mapping[str, Sequence[View]],
-    told: Mapping[str, Any],
+    folder: Path, room: TrueRoom, sets: Mapping[str, Sequence[View]], frozen: Sequence[View], told: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Write all but the pictures, which lie there as ``photographs/NAME.png`` and ``frozen/NAME.png``.
 
-    ``views`` by these folders. What ``info.json`` says is returned: ``told``, and what is measured of the views.
+    ``sets`` of captures by name; views may be in several. Their first set's poses are ``cameras.json`` with the
+    truth of all; where there are more, each has ``cameras_SET.json`` too, and ``cameras.json`` has all views.
+    What ``info.json`` says is returned: ``told``, and what is measured of the views.
     """
-    captures, frozen = views["photographs"], views["frozen"]
-    lens = captures[0].camera.to_json()
-    del lens["world_from_camera"]
-    poses = {
-        key: [
-            {"file": f"{kind}/{view.name}.png", "world_from_camera": view.camera.world_from_camera.tolist()}
-            for view in views[kind]
-        ]
-        for key, kind in (("captures", "photographs"), ("frozen", "frozen"))
-    }
-    write_json(folder / "cameras.json", {**lens, **poses})
+    captures = list({view.name: view for views in sets.values() for view in views}.values())
+    _write_cameras(folder / "cameras.json", captures, frozen)
+    for name, views in sets.items() if len(sets) > 1 else ():
+        _write_cameras(folder / f"cameras_{name}.json", views, frozen)
     truth = tuple(TrueView(view.name, view.camera, view.depth, view.ids.astype(np.int16)) for view in captures)
-    save_ground_truth(GroundTruth(truth, vertices, faces, instances, tuple(names)), folder)
+    save_ground_truth(GroundTruth(truth, room.vertices, room.faces, room.instances, room.names), folder)
     for place, kept in ((folder / "depth", captures), (folder / "frozen" / "depth", frozen)):
-        place.mkdir(exist_ok=True)
+        place.mkdir(parents=True, exist_ok=True)
         for view in kept:
             np.save(place / f"{view.name}.npy", view.depth)
-    trimesh.Trimesh(vertices, faces, process=False).export(folder / "mesh.ply")
-    seen = [view.camera for view in captures], [view.depth for view in captures]
+    trimesh.Trimesh(room.vertices, room.faces, process=False).export(folder / "mesh.ply")
+    lens = captures[0].camera.to_json()
+    del lens["world_from_camera"]
+    measured = {name: measured_set(views, frozen) for name, views in sets.items()}
     info = {
         **told,
         "lens": lens,
-        "captures": len(captures),
-        "overlap": overlap_share(*seen),
-        "support_gap": support_gap([view.camera for view in frozen], [view.depth for view in frozen], *seen),
-        "pixels_without_surface": float(np.mean([(depth <= 0.0).mean() for depth in seen[1]])),
+        **(measured if len(measured) > 1 else next(iter(measured.values()))),
         "frozen": len(frozen),
-        "frozen_sha256": frozen_digest(folder, frozen),
+        "frozen_sha256": frozen_digest(frozen),
     }
     write_json(folder / "info.json", info)
     return info
 
 
-def frozen_digest(folder: Path, frozen: Sequence[View]) -> str:
-    """The SHA-256 of the frozen views' names, lenses, poses and pictures, in their order."""
+def measured_set(captures: Sequence[View], frozen: Sequence[View]) -> dict[str, float]:
+    """Of a set of captures: how many, their overlap, the support gap of the frozen views, and what sees no surface."""
+    seen = [view.camera for view in captures], [view.depth for view in captures]
+    return {
+        "captures": len(captures),
+        "overlap": overlap_share(*seen),
+        "support_gap": support_gap([view.camera for view in frozen], [view.depth for view in frozen], *seen),
+        "pixels_without_surface": float(np.mean([(depth <= 0.0).mean() for depth in seen[1]])),
+    }
+
+
+def _write_cameras(file: Path, captures: Sequence[View], frozen: Sequence[View]) -> None:
+    lens = captures[0].camera.to_json()
+    del lens["world_from_camera"]
+    poses = {
+        key: [
+            {"file": f"{kind}/{view.name}.png", "world_from_camera": view.camera.world_from_camera.tolist()}
+            for view in views
+        ]
+        for key, kind, views in (("captures", "photographs", captures), ("frozen", "frozen", frozen))
+    }
+    write_json(file, {**lens, **poses})
+
+
+def frozen_digest(frozen: Sequence[View]) -> str:
+    """The SHA-256 of the frozen views' names, lenses and poses, in their order: fixed before anything runs."""
     digest = hashlib.sha256()
     for view in frozen:
         camera = view.camera
         lens = [camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy]
         digest.update(view.name.encode() + b"\0")
         digest.update(np.array([*lens, *camera.world_from_camera.ravel()], "<f8").tobytes())
-        digest.update((folder / "frozen" / f"{view.name}.png").read_bytes())
     return digest.hexdigest()

@@ -68,8 +68,7 @@ def _shows_a_room(camera: Camera, depth: np.ndarray) -> bool:
 def _loops(floor: FreeFloor, count: int) -> list[list[tuple[float, ...]]]:
     """Stops (x, y, z, heading, degrees down) of each loop around the room to try."""
     places = floor.places(_CAPTURE_CLEARANCE_M)
-    from_mean = np.linalg.norm(places - places.mean(axis=0), axis=1)
-    middles = [places[np.argmax(floor.at(places) - share * from_mean)] for share in (0.5, 4.0)]
+    middles = [middle_of(places, floor, share) for share in (0.5, 4.0)]
     loops = []
     heights = _EYE_M + 0.03 * np.array([0, 1, -1, 2, -2, 1])[np.arange(count) % 6]
     for middle, reach, share in itertools.product(middles, (0.3, 0.5, 0.7, 0.9), range(6)):
@@ -81,12 +80,27 @@ def _loops(floor: FreeFloor, count: int) -> list[list[tuple[float, ...]]]:
     return loops
 
 
-def _towards(floor: FreeFloor, middle: np.ndarray, angle_deg: float, reach: float) -> np.ndarray:
-    """(2,) a share of the way from the middle to where the free floor ends in a direction."""
+def middle_of(places: np.ndarray, floor: FreeFloor, near_mean: float) -> np.ndarray:
+    """(2,): where clearance less ``near_mean`` times the distance from the mean of ``places`` (P, 2) is largest."""
+    middle: np.ndarray = places[
+        np.argmax(floor.at(places) - near_mean * np.linalg.norm(places - places.mean(axis=0), axis=1))
+    ]
+    return middle
+
+
+def reach_m(floor: FreeFloor, middle: np.ndarray, angle_deg: float) -> float:
+    """How far one may go from the middle (2,) in a direction, metres."""
     direction = np.array([cos(radians(angle_deg)), sin(radians(angle_deg))])
     ahead = np.arange(0.0, 20.0, 0.02)
     blocked = floor.at(middle + ahead[:, None] * direction) < _CAPTURE_CLEARANCE_M
-    return middle + direction * ahead[np.argmax(blocked)] * reach if blocked[1:].any() else middle
+    return float(ahead[np.argmax(blocked)])
+
+
+def _towards(floor: FreeFloor, middle: np.ndarray, angle_deg: float, reach: float) -> np.ndarray:
+    """(2,): a share of the way there."""
+    direction = np.array([cos(radians(angle_deg)), sin(radians(angle_deg))])
+    towards: np.ndarray = middle + direction * reach_m(floor, middle, angle_deg) * reach
+    return towards
 
 
 def farthest_views(

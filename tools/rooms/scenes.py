@@ -13,19 +13,14 @@ from demo.living_room.architecture import EAST_M, NORTH_M
 from demo.make_room import build_room  # before make_truth, which finds the demo's files by it
 from demo.make_truth import true_surface
 
+from .folder import TrueRoom
+
 
 @dataclass(frozen=True)
 class Scene:
-    """A room that stands in Blender.
+    """A room that stands in Blender; ``low``, ``high`` (2,) metres are the corners of the floor that is the room's."""
 
-    ``vertices`` (V, 3) metres, ``faces`` (F, 3), ``instances`` (F,) indices of ``names``: its true surface.
-    ``low``, ``high`` (2,) metres: the corners of the floor that is the room's.
-    """
-
-    vertices: np.ndarray
-    faces: np.ndarray
-    instances: np.ndarray
-    names: tuple[str, ...]
+    truth: TrueRoom
     low: np.ndarray
     high: np.ndarray
 
@@ -63,9 +58,13 @@ ROOMS: dict[str, Callable[[Path], Scene]] = {"demo": lambda _: demo(), "hotel": 
 """Room -> what builds it, given the folder of the files with meshes."""
 
 
+def standing_surface() -> TrueRoom:
+    """What stands in Blender's scene now."""
+    return TrueRoom(*true_surface())
+
+
 def _standing(low: np.ndarray, high: np.ndarray) -> Scene:
-    vertices, faces, instances, names = true_surface()
-    return Scene(vertices, faces, instances, names, low, high)
+    return Scene(standing_surface(), low, high)
 
 
 def _import(file: Path) -> None:

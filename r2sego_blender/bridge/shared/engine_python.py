@@ -11,6 +11,7 @@ from ...core.errors import MachineError
 from ...workers.engine import ask, find_interpreter
 
 ADDON_ID = "r2sego"
+_ALL_BACKENDS_S = 300.0
 
 
 def addon_preferences() -> bpy.types.AddonPreferences | None:
@@ -29,6 +30,19 @@ def interpreter() -> str:
     return find_interpreter(preferred, fallback="" if bpy.app.binary_path else sys.executable)
 
 
+def examine_backends() -> list[tuple[str, str, str]]:
+    """Each learned backend: its label, why it cannot be used here, "" where it can, and its weights' licence.
+
+    Raises MachineError when the engine cannot run.
+    """
+    python = interpreter()
+    told = ask(["doctor", "--backends", "--json"], python, _ALL_BACKENDS_S)
+    try:
+        return [(one["label"], one["why"], one["weights_licence"]) for one in json.loads(told)["backends"]]
+    except (ValueError, KeyError, TypeError) as error:
+        raise _senseless(told, python) from error
+
+
 def examine() -> str:
     """What the engine's Python is and lacks, in one line. Raises MachineError when it cannot run."""
     python = interpreter()
@@ -40,11 +54,15 @@ def examine() -> str:
         line = f"engine: Python {found['python']}, r2sego {found['r2sego']}, torch {versions['torch']}"
         ready = found["ready"]
     except (ValueError, KeyError, TypeError) as error:
-        raise MachineError(
-            f"the engine's answer makes no sense: {told.strip()[:120]}",
-            where=python,
-            cure="Choose another Python in the add-on's preferences.",
-        ) from error
+        raise _senseless(told, python) from error
     if missing:
         return f"{line}; missing: {', '.join(missing)}"
     return line if ready else f"{line}; the disk is nearly full"
+
+
+def _senseless(told: str, python: str) -> MachineError:
+    return MachineError(
+        f"the engine's answer makes no sense: {told.strip()[:120]}",
+        where=python,
+        cure="Choose another Python in the add-on's preferences.",
+    )

@@ -21,7 +21,7 @@ from support import (
     state,
 )
 
-OPERATORS = {"cancel", "check_engine", "demo_scene", "dismiss_job", "follow_job", "set_up_engine"}
+OPERATORS = {"cancel", "check_backends", "check_engine", "demo_scene", "dismiss_job", "follow_job", "set_up_engine"}
 
 
 def check_a_failing_engine_is_reported_in_its_own_words():

@@ -22,6 +22,19 @@ def check_the_engines_answer_is_kept_until_another_is_chosen():
     preferences().engine_python = str(ENGINE)
 
 
+def check_the_learned_models_are_asked_for_and_listed():
+    known = bpy.context.window_manager.r2sego_engine
+    for _ in range(2):  # a second look takes the first one's place
+        assert bpy.ops.r2sego.check_backends() == {"FINISHED"}
+        assert [(one.name, one.why, one.licence) for one in known.backends] == [
+            ("A Model", "", "MIT"),
+            ("Another", "Another is not set up", "CC BY-NC 4.0"),
+        ]
+    preferences().engine_python = "/nowhere/python"
+    assert "/nowhere/python" in refused(bpy.ops.r2sego.check_backends)
+    preferences().engine_python = str(ENGINE)
+
+
 def check_setting_up_the_engine_needs_leave_to_go_online():
     assert not bpy.app.online_access
     assert "online access" in refused(bpy.ops.r2sego.set_up_engine)
