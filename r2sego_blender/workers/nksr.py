@@ -4,7 +4,7 @@ NKSR needs Linux, an NVIDIA GPU and an older torch than this project's, so it ru
 interpreter that the environment variable ``R2SEGO_NKSR_PYTHON`` names, Python 3.10 or 3.11.
 Only its published interface is used: a ``Reconstructor``, points with normals in, the dual
 mesh out. Its code and weights are under a licence of their own, which forbids much. What runs there is
-``workers.nksr_program``, asked for the task "surface": inputs ``points`` and ``normals``, (P, 3); the parameter
+``workers.models.nksr``, asked for the task "surface": inputs ``points`` and ``normals``, (P, 3); the parameter
 ``voxel_m``; outputs ``vertices`` (V, 3) and ``faces`` (F, 3).
 """
 
@@ -40,7 +40,7 @@ def reconstruct_externally(points: np.ndarray, normals: np.ndarray, voxel_m: flo
 
     python = named_python(PYTHON_VARIABLE, _NAME, "proxy.surface", _CURE)
     request = Request("surface", _NAME, {"voxel_m": voxel_m}, {"points": points, "normals": normals})
-    command = library_command(python, "workers.nksr_program")
+    command = library_command(python, "workers.models.nksr")
     with ProgramWorker(command, PYTHON_VARIABLE, _CURE) as worker, ask(worker, request, limits=_LIMITS) as response:
         vertices, faces = response.array("vertices", (None, 3)), response.array("faces", (None, 3), "iu")
         try:

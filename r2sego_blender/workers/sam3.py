@@ -6,7 +6,7 @@ photograph. Only the published interface is used: ``build_sam3_image_model``, an
 and an NVIDIA GPU, and its weights are given on request, under a licence of their own; it runs
 in the interpreter that the environment variable ``R2SEGO_SAM3_PYTHON`` names.
 
-What runs there is ``workers.sam3_program``, asked for the task "masks": inputs ``photograph_000`` and on, (H, W, 3)
+What runs there is ``workers.models.sam3``, asked for the task "masks": inputs ``photograph_000`` and on, (H, W, 3)
 uint8; parameters ``vocabulary`` and ``least_score``; outputs black and white images, of which the value ``masks``
 tells ``output``, ``photograph`` (its number), ``word`` and ``score``.
 """
@@ -65,7 +65,7 @@ def segment_externally(
         {"vocabulary": list(vocabulary), "least_score": least_score},
         {f"photograph_{k:03d}": to_uint8(photographs[name]) for k, name in enumerate(names)},
     )
-    command = library_command(python, "workers.sam3_program")
+    command = library_command(python, "workers.models.sam3")
     with ProgramWorker(command, PYTHON_VARIABLE, _CURE) as worker, ask(worker, request, limits=_LIMITS) as response:
         found = []
         for one in response.listed("masks"):

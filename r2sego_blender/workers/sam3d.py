@@ -7,7 +7,7 @@ image, mask and seed. It needs Linux, an NVIDIA GPU of 32 GB, and weights that a
 request, under a licence of their own; it runs in the interpreter that the environment
 variable ``R2SEGO_SAM3D_PYTHON`` names, on the repository in ``R2SEGO_SAM3D_REPOSITORY``.
 
-What runs there is ``workers.sam3d_program``, asked for the task "mesh": inputs ``photograph_000``, (H, W, 3) uint8, and
+What runs there is ``workers.models.sam3d``, asked for the task "mesh": inputs ``photograph_000``, (H, W, 3) uint8, and
 ``mask_000``, (H, W) bool, of every object; the parameter ``seed``; outputs ``mesh_000``, binary glTF, of those that
 have a mesh.
 """
@@ -22,11 +22,11 @@ from typing import TYPE_CHECKING
 
 from ..core.errors import MachineError
 from .external_environment import named_python
+from .models.sam3d import PIPELINE
 from .protocol.asking import ask
 from .protocol.program_worker import ProgramWorker, library_command
 from .protocol.request import Request
 from .protocol.response import Limits
-from .sam3d_program import PIPELINE
 
 if TYPE_CHECKING:
     import numpy as np
@@ -65,7 +65,7 @@ def generate_shapes_externally(
     for k, (image, mask) in enumerate(pictures.values()):
         inputs |= {f"photograph_{k:03d}": to_uint8(image), f"mask_{k:03d}": mask}
     request = Request("mesh", _NAME, {"seed": seed}, inputs)
-    command = library_command(python, "workers.sam3d_program", str(repository.resolve()))
+    command = library_command(python, "workers.models.sam3d", str(repository.resolve()))
     meshes = {}
     with ProgramWorker(command, PYTHON_VARIABLE, _CURE) as worker, ask(worker, request, limits=_LIMITS) as response:
         for k, name in enumerate(pictures):

@@ -16,7 +16,8 @@ import trimesh
 
 from r2sego_blender.core.errors import MachineError, NativeError
 from r2sego_blender.workers import nksr, sam3, sam3d
-from r2sego_blender.workers.model_environment import files_digest, state_digest
+from r2sego_blender.workers.models import loading
+from r2sego_blender.workers.models.loading import files_digest, state_digest
 
 TORCH = """
 import contextlib
@@ -219,7 +220,7 @@ def test_another_version_is_refused(with_sam3):
     (with_sam3.folder / "sam3-0.1.0.dist-info").rename(with_sam3.folder / "sam3-0.7.2.dist-info")
     metadata = with_sam3.folder / "sam3-0.7.2.dist-info" / "METADATA"
     metadata.write_text(metadata.read_text().replace("0.1.0", "0.7.2"))
-    with pytest.raises(MachineError, match=r"version 0\.7\.2, and this adapter follows 0\.1"):
+    with pytest.raises(MachineError, match=r"version 0\.7\.2, not of 0\.1"):
         sam3.segment_externally({"a": photograph(0, slice(3))}, ["chair"])
 
 
@@ -271,8 +272,8 @@ def test_what_a_model_has_loaded_has_a_digest():
     assert files_digest(parts) != files_digest(parts[::-1])
 
 
-@pytest.mark.parametrize("name", ["model_environment", "viewcrafter_program", "nksr_program"])
+@pytest.mark.parametrize("name", ["loading", "viewcrafter", "nksr"])
 def test_what_runs_beside_a_model_is_python_39_and_needs_the_protocol_alone(name):
-    tree = ast.parse(Path(sam3.__file__).with_name(f"{name}.py").read_text(encoding="utf-8"), feature_version=(3, 9))
+    tree = ast.parse(Path(loading.__file__).with_name(f"{name}.py").read_text(encoding="utf-8"), feature_version=(3, 9))
     relative = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.level}
-    assert relative <= {"protocol.serving", "model_environment"}
+    assert relative <= {"protocol.serving", "loading"}

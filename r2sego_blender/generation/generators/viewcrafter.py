@@ -4,7 +4,7 @@
 same 25 without gaps out. ViewCrafter needs Python 3.9, torch 1.13 and an NVIDIA GPU of 24 GB (14
 GB for the small model); it runs in the interpreter that ``R2SEGO_VIEWCRAFTER_PYTHON`` names, on
 the repository in ``R2SEGO_VIEWCRAFTER_REPOSITORY``. What runs there is
-``workers.viewcrafter_program``.
+``workers.models.viewcrafter``.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from ...config.settings import GenerationSettings
 from ...core.digests import file_identity
 from ...core.errors import MachineError
 from ...workers.external_environment import named_python
+from ...workers.models.viewcrafter import FRAMES
 from ...workers.protocol.program_worker import ProgramWorker, library_command
-from ...workers.viewcrafter_program import FRAMES
 from .program import program_generator
 from .slot import ClipInputs, Generator, Installation
 
@@ -79,4 +79,4 @@ def _command(clip_frames: int) -> list[str]:
     checkpoint = Path(os.environ.get(CHECKPOINT_VARIABLE, "") or repository / "checkpoints" / "model.ckpt")
     if not checkpoint.is_file():
         raise MachineError(f"the weights of {_NAME} are not there", where=checkpoint, cure=_CURE)
-    return library_command(python, "workers.viewcrafter_program", str(repository), str(checkpoint.resolve()))
+    return library_command(python, "workers.models.viewcrafter", str(repository), str(checkpoint.resolve()))

@@ -339,5 +339,5 @@ def _write_error(folder: Path, task: str, kind: str, what: str, cure: str = "") 
 
 def _write_record(file: Path, record: Mapping[str, Any]) -> None:
     unfinished = file.with_name(file.name + ".tmp")
-    unfinished.write_text(json.dumps(record), encoding="utf-8")
+    unfinished.write_bytes(json.dumps(record).encode())
     unfinished.replace(file)

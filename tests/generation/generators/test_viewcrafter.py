@@ -20,8 +20,8 @@ from r2sego_blender.config.settings import GenerationSettings
 from r2sego_blender.core.errors import MachineError, NativeError
 from r2sego_blender.generation.generators import viewcrafter
 from r2sego_blender.generation.generators.registry import installation_of
-from r2sego_blender.workers import viewcrafter_program
 from r2sego_blender.workers.child import RUNNING
+from r2sego_blender.workers.models import viewcrafter as viewcrafter_program
 from r2sego_blender.workers.protocol.asking import ask
 from r2sego_blender.workers.protocol.program_worker import ProgramWorker
 from r2sego_blender.workers.protocol.request import Request

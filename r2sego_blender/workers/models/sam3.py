@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from .model_environment import accepted_version, require_gpu, state_digest
-from .protocol.serving import Answer, Request, Tell, UnusableError, serve
+from ..protocol.serving import Answer, Request, Tell, UnusableError, serve
+from .loading import require_gpu, state_digest, version_of
 
 _NAME = "SAM 3"
 _SERIES = ("0.1",)
@@ -13,7 +13,7 @@ _SERIES = ("0.1",)
 
 def masks(request: Request, progress: Tell) -> Answer:
     """The mask of every thing that a word of the vocabulary names, photograph by photograph."""
-    version = accepted_version("sam3", _SERIES, _NAME)
+    version = version_of("sam3", _SERIES, _NAME, cure="")
     try:
         import numpy as np
         import torch

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from .model_environment import require_gpu, state_digest
-from .protocol.serving import Answer, Request, Tell, UnusableError, serve
+from ..protocol.serving import Answer, Request, Tell, UnusableError, serve
+from .loading import require_gpu, state_digest
 
 _NAME = "NKSR"
 

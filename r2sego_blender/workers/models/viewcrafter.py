@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from .protocol.serving import Answer, Request, Tell, UnusableError, file_digest, serve
+from ..protocol.serving import Answer, Request, Tell, UnusableError, file_digest, serve
 
 FRAMES = 25
 

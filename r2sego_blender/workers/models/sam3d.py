@@ -6,8 +6,8 @@ import os
 import sys
 from pathlib import Path
 
-from .model_environment import accepted_version, files_digest, require_gpu
-from .protocol.serving import Answer, Request, Tell, UnusableError, serve
+from ..protocol.serving import Answer, Request, Tell, UnusableError, serve
+from .loading import files_digest, require_gpu, version_of
 
 PIPELINE = Path("checkpoints/hf/pipeline.yaml")
 """Where the repository says what its weights are, which lie beside."""
@@ -18,7 +18,7 @@ _SERIES = ("0.0",)
 
 def mesh(request: Request, progress: Tell) -> Answer:
     """The whole mesh of each object, in a frame of its own; the working folder is the repository."""
-    version = accepted_version("sam3d_objects", _SERIES, _NAME)
+    version = version_of("sam3d_objects", _SERIES, _NAME, cure="")
     sys.path.insert(0, str(Path("notebook").resolve()))
     try:
         import numpy as np
