@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ..config.settings import Settings
-from ..config.slots import ESTIMATORS, GENERATORS, RENDERERS, SURFACES, TRAINERS
+from ..config.slots import ESTIMATORS, GENERATORS, REGISTRARS, RENDERERS, SURFACES, TRAINERS
 from ..core.json_files import read_json
 from ..core.printable import printable
 
@@ -18,7 +18,7 @@ BACKENDS: Mapping[str, str] = {
     "controller": "embedded: reference motion tracked in MuJoCo",
     "conditions": RENDERERS.labels["z-buffer"],
     "generator": GENERATORS.labels["blending"],
-    "registration": "embedded: patches of the captures and PnP",
+    "registration": REGISTRARS.labels["pnp"],
     "splat_trainer": TRAINERS.labels["cpu"],
 }
 """The backend of each slot of the paper; none of the defaults is a learned model."""
@@ -39,6 +39,7 @@ def chosen_backends(settings: Settings) -> dict[str, str]:
         "surface": SURFACES.labels[settings.proxy.surface],
         "conditions": RENDERERS.labels[settings.generation.renderer],
         "generator": GENERATORS.labels[settings.generation.generator],
+        "registration": REGISTRARS.labels[settings.registration.registrar],
         "splat_trainer": TRAINERS.labels[settings.training.backend],
     }
 

@@ -125,6 +125,16 @@ def bench_generation(file: Path | None, **given: Any) -> None:
     _measure("generation", file, **given)
 
 
+@bench.command("registration")
+@click.option("--scene", required=True, type=FOLDER, help="Folder with cameras.json, captures and their ground truth.")
+@click.option("--bundle", type=FOLDER, help="A bundle of these captures with a proxy; else one is made.")
+@_figures_file
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the pipeline and of what drifts.")
+def bench_registration(file: Path | None, **given: Any) -> None:
+    """Register frames at the frozen poses of a scene with known truth, by each registrar, and score their poses."""
+    _measure("registration", file, **given)
+
+
 @bench.command("refinement")
 @click.option("--scene", required=True, type=FOLDER, help="Folder with cameras.json: captures and frozen views.")
 @click.option(

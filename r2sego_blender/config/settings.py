@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from ..core.errors import SettingsError
 from .fields import setting
-from .slots import GENERATORS, RENDERERS, SURFACES
+from .slots import GENERATORS, REGISTRARS, RENDERERS, SURFACES
 from .training_settings import TrainingSettings
 
 
@@ -250,6 +250,12 @@ class GenerationSettings:
 class RegistrationSettings:
     """Estimation of a generated frame's pose from patches of the captures found in it."""
 
+    registrar: str = setting(
+        "pnp",
+        "Where a frame's patches are first looked for: about its query, or about the pose that VGGT estimates.",
+        choices=tuple(REGISTRARS.labels),
+        added=True,
+    )
     max_captures: int = setting(6, "Captures a frame is compared with: its reference, then the best seen.", 1, 64)
     search_radius_px: float = setting(
         48.0, "How far from where the query would see it a patch of a capture is looked for.", 8.0, 500.0

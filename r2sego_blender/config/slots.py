@@ -57,6 +57,9 @@ RENDERERS = Slot("generation/conditions")
 GENERATORS = Slot("generation/generators")
 """What makes the clips, ``generation.generator``."""
 
+REGISTRARS = Slot("generation/registration")
+"""What tells where generated frames were taken, ``registration.registrar``."""
+
 TRAINERS = Slot("splats/backends")
 """What renders and moves the Gaussians in training, ``training.backend``."""
 

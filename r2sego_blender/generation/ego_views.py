@@ -17,7 +17,7 @@ from ..bundle.artifacts import Artifact
 from ..captures.capture import Capture
 from ..config.settings import Settings
 from ..core.cameras import Camera
-from ..core.errors import CaptureError, GenerationError
+from ..core.errors import CaptureError, GenerationError, NativeError
 from ..core.images import load_image, save_image, to_uint8
 from ..core.json_files import read_json, write_json
 from ..core.progress import SILENT, Progress
@@ -32,10 +32,13 @@ from .paths.detours import ClearSpace
 from .paths.paths import camera_path, reference_from_frame
 from .registration.frame_registration import RegisteredFrame, hopeless, register_frame
 from .registration.landmarks import Landmarks
+from .registration.pnp import PnPRegistrar
+from .registration.slot import Registrar
 
 _CLIP_FRAME_MS = 80
 _CLIP_LAST_MS = 1200  # the kept frame rests before the clip starts again
 _CLIP_QUALITY = 80
+_EMBEDDED: Registrar = PnPRegistrar()
 
 
 @dataclass(frozen=True)
@@ -66,15 +69,17 @@ def ego_video_reg(
     progress: Progress = SILENT,
     space: ClearSpace | None = None,
     colours: PointConditions | None = None,
+    registrar: Registrar = _EMBEDDED,
 ) -> tuple[PseudoObservation, ...]:
     """Generate and register the selection's target views; write each as ``folder/<rank>/``.
 
     ``candidates`` are the M cameras the selection was made from; it has references for the
     targets and as many more as may replace them. Paths go around what ``space`` has in their
-    way; with ``colours`` the captures' colours stay beside the conditions. A frame that cannot
-    be generated or registered is rejected, with its reason in ``pose.json``, and the
-    next-ranked survivor takes its place, at most ``generation.max_replacements`` times; one
-    of which it is clear beforehand is not generated, only its last condition rendered.
+    way; with ``colours`` the captures' colours stay beside the conditions; ``registrar`` says
+    where frames are first looked for. A frame that cannot be generated or registered is
+    rejected, with its reason in ``pose.json``, and the next-ranked survivor takes its place, at
+    most ``generation.max_replacements`` times; one of which it is clear beforehand is not
+    generated, only its last condition rendered.
     Returns the accepted ones in rank order, as ``load_pseudo_observations`` reads them.
     """
     wanted = len(selection.targets)
@@ -107,6 +112,7 @@ def ego_video_reg(
                 folder / f"{rank:03d}",
                 space,
                 colours,
+                registrar,
             )
             if reason is None:
                 accepted += 1
@@ -197,6 +203,7 @@ def _generate(
     folder: Path,
     space: ClearSpace | None,
     colours: PointConditions | None,
+    registrar: Registrar,
 ) -> str | None:
     """Make and write one view; None when it is accepted, else the reason why not."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -218,15 +225,25 @@ def _generate(
         return _give_up(folder, view, generator.name, target, str(error))
     _write_clip(folder, clip)
     image = load_image(folder / "frame.png")  # registered as it will be read for training
-    registered = register_frame(image, target, reference, landmarks, settings.registration, settings.seed)
-    _write_pose(folder / "pose.json", view, generator.name, target, registered, registered.reason)
-    return None if registered.camera is not None else registered.reason
+    try:
+        start = registrar.start(image, target, view.reference, landmarks)
+    except (GenerationError, NativeError) as error:
+        return _give_up(folder, view, generator.name, target, f"not registered, {error}", {"registrar": registrar.name})
+    registered = register_frame(image, target, reference, landmarks, settings.registration, settings.seed, start)
+    reason, told = registered.reason, dict[str, Any]()
+    if start is not None:  # the embedded registrar's views stay as they were before there was another
+        reason += f" (looked for about the pose of {registrar.name})"
+        told = {"registrar": registrar.name, "start": start.to_json()}
+    _write_pose(folder / "pose.json", view, generator.name, target, registered, reason, told)
+    return None if registered.camera is not None else reason
 
 
-def _give_up(folder: Path, view: _View, generator: str, query: Camera, why: str) -> str:
+def _give_up(
+    folder: Path, view: _View, generator: str, query: Camera, why: str, told: Mapping[str, Any] | None = None
+) -> str:
     """Write a view without a frame; its reason."""
     reason = f"rejected: {why}"
-    _write_pose(folder / "pose.json", view, generator, query, None, reason)
+    _write_pose(folder / "pose.json", view, generator, query, None, reason, told or {})
     return reason
 
 
@@ -274,8 +291,15 @@ def _write_clip(folder: Path, clip: Sequence[Frame]) -> None:
 
 
 def _write_pose(
-    file: Path, view: _View, generator: str, query: Camera, registered: RegisteredFrame | None, reason: str
+    file: Path,
+    view: _View,
+    generator: str,
+    query: Camera,
+    registered: RegisteredFrame | None,
+    reason: str,
+    told: Mapping[str, Any],
 ) -> None:
+    """``told`` is what the registrar is called and said beforehand, nothing of the embedded one."""
     accepted = registered is not None and registered.camera is not None
     record = {
         "accepted": accepted,
@@ -284,6 +308,7 @@ def _write_pose(
         **vars(view),
         "query": query.to_json(),
         "estimate": None,
+        **told,
     }
     if registered is not None:
         record |= {

@@ -29,6 +29,7 @@ from ..generation.generators.slot import ClipInputs
 from ..generation.paths.detours import ClearSpace
 from ..generation.registration.frame_registration import hopeless
 from ..generation.registration.landmarks import Landmarks
+from ..generation.registration.registry import open_registrar, registrar_installation
 from ..geometry.collision.collision import CollisionSurface, collision_surface
 from ..geometry.collision.collision_files import COLLISION, REFINED_COLLISION
 from ..geometry.objects.prior_files import AlignedPrior
@@ -246,7 +247,7 @@ class Steps(CaptureSteps):
 
         What a person decided of a view holds for the one that shows the same now.
         """
-        installed = installation_of(self.h)
+        installed, registrar = installation_of(self.h), registrar_installation(self.h)
 
         def generate(
             folder: Path,
@@ -262,7 +263,10 @@ class Steps(CaptureSteps):
             colours = PointConditions(captures, depths, self.h.generation)
             inputs = ClipInputs(captures, depths, observed, renderer, colours, self.h, folder)
             # Before the landmarks: a program that is not there is told at once.
-            with open_generator(installed, inputs) as generator:
+            with (
+                open_registrar(registrar, captures, self.h) as registering,
+                open_generator(installed, inputs) as generator,
+            ):
                 landmarks = Landmarks.build(captures, observed, completed_depths(captures, completed), self.progress)
                 ego_video_reg(
                     *targets.require_captures(len(captures)),
@@ -275,6 +279,7 @@ class Steps(CaptureSteps):
                     self.progress,
                     ClearSpace(proxy.vertices, proxy.faces),
                     colours,
+                    registering,
                 )
             for dropped in carry_decisions(self.runner.scene.path / views.name, folder):
                 self.progress.message(f"round {l}, {dropped}", level="warning")
@@ -294,6 +299,7 @@ class Steps(CaptureSteps):
                 self.h.selection,
                 self.h.seed,
                 *([installed.identity] if installed.identity else []),
+                *([{"registrar": registrar.identity}] if registrar.identity else []),
             ],
         )
         return (views,)

@@ -23,7 +23,7 @@ from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.config.presets import entries
 from r2sego_blender.config.settings import Settings, setting
-from r2sego_blender.config.slots import GENERATORS, RENDERERS, SURFACES, TRAINERS
+from r2sego_blender.config.slots import GENERATORS, REGISTRARS, RENDERERS, SURFACES, TRAINERS
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import SceneError, SettingsError
 from r2sego_blender.core.scratch import remove_scratch
@@ -72,6 +72,7 @@ def test_another_preset_begins_without_the_overrides_of_before():
         ("surface", "proxy.surface", SURFACES.labels),
         ("conditions", "generation.renderer", RENDERERS.labels),
         ("generator", "generation.generator", GENERATORS.labels),
+        ("registration", "registration.registrar", REGISTRARS.labels),
         ("splat_trainer", "training.backend", TRAINERS.labels),
     ],
 )

@@ -10,7 +10,7 @@ import pytest
 
 import r2sego_blender
 from r2sego_blender.config.presets import entries, with_overrides
-from r2sego_blender.config.slots import GENERATORS, LIBRARY, RENDERERS, SURFACES, TRAINERS, Slot
+from r2sego_blender.config.slots import GENERATORS, LIBRARY, REGISTRARS, RENDERERS, SURFACES, TRAINERS, Slot
 from r2sego_blender.core.errors import SettingsError
 
 CHOICES = {entry.key: entry.choices for entry in entries()}
@@ -32,6 +32,16 @@ BACKENDS = {
 def make(name, proxy):
     return f"{name} of {proxy}"
 """,
+    "generation/registration/guess.py": """
+import contextlib
+from .slot import Installation
+BACKENDS = {"guess": "embedded: a guess"}
+def installation(name, settings):
+    return Installation({"die": 6})
+@contextlib.contextmanager
+def make(installed, captures, settings):
+    yield installed.identity["die"], captures
+""",
     "geometry/surfaces/hull.py": """
 BACKENDS = {"hull": "embedded: convex hull"}
 def surface(views, field):
@@ -51,22 +61,25 @@ from r2sego_blender.bundle.backends import chosen_backends
 from r2sego_blender.config.presets import entries, with_overrides
 from r2sego_blender.generation.conditions.renderers import make_renderer
 from r2sego_blender.generation.generators.registry import installation_of, open_generator
+from r2sego_blender.generation.registration.registry import open_registrar, registrar_installation
 from r2sego_blender.geometry.surfaces.backends import surface_backend
 from r2sego_blender.splats.backends.slot import make_backend
 chosen = with_overrides(
     {
         "generation.generator": "noise", "generation.renderer": "flat", "proxy.surface": "hull",
-        "training.backend": "metal",
+        "training.backend": "metal", "registration.registrar": "guess",
     }
 )
 told = chosen_backends(chosen)
-assert [told[slot] for slot in ("surface", "conditions", "generator", "splat_trainer")] == [
-    "embedded: convex hull", "embedded: nothing but walls", "embedded: noise", "embedded: Metal",
+assert [told[slot] for slot in ("surface", "conditions", "generator", "splat_trainer", "registration")] == [
+    "embedded: convex hull", "embedded: nothing but walls", "embedded: noise", "embedded: Metal", "embedded: a guess",
 ]
 installed = installation_of(chosen)
 assert installed.identity == {"colour": "white"}
 with open_generator(installed, types.SimpleNamespace(settings=chosen)) as generator:
     assert generator == "white"
+with open_registrar(registrar_installation(chosen), "captures", chosen) as registrar:
+    assert registrar == (6, "captures")
 assert make_renderer("a proxy", chosen.generation) == "flat of a proxy"
 assert surface_backend("hull").surface(1, 2) == (1, 2)
 assert make_backend("metal", 1, 2) == (1, 2)
@@ -81,10 +94,11 @@ def test_the_choices_keep_their_places():
     assert CHOICES["generation.renderer"] == tuple(RENDERERS.labels) == ("z-buffer", "cycles", "eevee")
     assert CHOICES["generation.generator"] == tuple(GENERATORS.labels)
     assert tuple(GENERATORS.labels) == ("blending", "viewcrafter", "viewcrafter_512", "command")
+    assert CHOICES["registration.registrar"] == tuple(REGISTRARS.labels) == ("pnp", "vggt")
     assert CHOICES["training.backend"] == tuple(TRAINERS.labels) == ("cpu", "gsplat")
 
 
-@pytest.mark.parametrize("slot", [SURFACES, RENDERERS, GENERATORS, TRAINERS])
+@pytest.mark.parametrize("slot", [SURFACES, RENDERERS, GENERATORS, REGISTRARS, TRAINERS])
 def test_a_backend_is_in_the_module_that_tells_of_it(slot):
     package = f"{r2sego_blender.__name__}.{slot.folder.replace('/', '.')}"
     for name, label in slot.labels.items():
@@ -112,7 +126,10 @@ def test_a_new_backend_is_one_file(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["/tmp/evil.py", "../../evil", "./evil", "os", "slot", "", "blending\x00"])
-@pytest.mark.parametrize("key", ["generation.generator", "generation.renderer", "proxy.surface", "training.backend"])
+@pytest.mark.parametrize(
+    "key",
+    ["generation.generator", "generation.renderer", "proxy.surface", "registration.registrar", "training.backend"],
+)
 def test_no_setting_names_a_program_or_a_module(key, name):
     """A bundle's settings choose among what this library has; programs are named by this machine alone."""
     with pytest.raises(SettingsError):

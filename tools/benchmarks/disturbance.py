@@ -40,10 +40,15 @@ def disturbed_captures(scene: Path, folder: Path, rng: np.random.Generator) -> N
     write_json(folder / "cameras.json", shared | {"captures": entries})
 
 
-def disturbed_pose(world_from_camera: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def disturbed_pose(
+    world_from_camera: np.ndarray,
+    rng: np.random.Generator,
+    translation_m: float = TRANSLATION_M,
+    rotation_deg: float = ROTATION_DEG,
+) -> np.ndarray:
     """A (4, 4) pose, moved and turned by fixed magnitudes in random directions."""
     direction, axis = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
     pose = world_from_camera.copy()
-    pose[:3, :3] = Rotation.from_rotvec(np.radians(ROTATION_DEG) * axis).as_matrix() @ pose[:3, :3]
-    pose[:3, 3] += TRANSLATION_M * direction
+    pose[:3, :3] = Rotation.from_rotvec(np.radians(rotation_deg) * axis).as_matrix() @ pose[:3, :3]
+    pose[:3, 3] += translation_m * direction
     return pose

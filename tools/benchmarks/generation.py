@@ -53,7 +53,7 @@ _LIBRARY = 2  # the stream of random numbers that bench geometry makes its libra
 
 
 @dataclass(frozen=True)
-class _Arm:
+class Arm:
     """One generator and the proxy it blends on, ready to answer cameras of the world frame."""
 
     settings: Settings
@@ -84,7 +84,7 @@ def bench_generation(
     truth = load_ground_truth(scene)
     with tempfile.TemporaryDirectory(prefix="r2sego-generation-") as temporary:
         folder = Path(temporary)
-        made = _bundle(scene, bundle, folder / "scene.r2s", seed, progress)
+        made = bundle_with_proxy(scene, bundle, folder / "scene.r2s", seed, progress)
         views = frozen_views(made, scene / "cameras.json")
         in_world = truth.transformed(np.array(made.declaration.world_from_capture))
         true_arm = _true_arm(made, in_world)
@@ -97,14 +97,14 @@ def bench_generation(
             "frozen": len(views),
             "seed": seed,
         }
-        figures[_ESTIMATED] = _scored(_estimated_arm(made), views, in_world, clips)
+        figures[_ESTIMATED] = _scored(estimated_arm(made), views, in_world, clips)
         figures[_TRUE] = _scored(true_arm, views, in_world, 0)
         if library is not None:
             rng = np.random.default_rng([seed, _LIBRARY])
             declare_true_objects(made, in_world, library, folder / "library", rng)
             made = made.declare(mesh_library=str(folder / "library"))
             _run(made, progress)
-            figures[_WITH_PRIORS] = _scored(_estimated_arm(made), views, in_world, clips)
+            figures[_WITH_PRIORS] = _scored(estimated_arm(made), views, in_world, clips)
     return figures
 
 
@@ -140,7 +140,11 @@ def lines(figures: Mapping[str, Any]) -> list[str]:
     return text
 
 
-def _bundle(scene: Path, bundle: Path | None, path: Path, seed: int, progress: Progress) -> Scene:
+def bundle_with_proxy(scene: Path, bundle: Path | None, path: Path, seed: int, progress: Progress) -> Scene:
+    """A bundle of the captures in ``scene``, made at ``path`` up to its first proxy, or a copy of ``bundle``.
+
+    Raises SceneError where that has no proxy.
+    """
     if bundle is None:
         create_scene(path, scene, scene / "cameras.json", progress=progress)
         made = Scene.open(path).declare(overrides={"seed": seed})
@@ -157,12 +161,13 @@ def _run(bundle: Scene, progress: Progress) -> None:
     refine(bundle, progress, until=PROXY.of_round(0).name)
 
 
-def _estimated_arm(bundle: Scene) -> _Arm:
+def estimated_arm(bundle: Scene) -> Arm:
+    """The embedded generator on the proxy that the pipeline made."""
     proxy = bundle.read(PROXY.of_round(0))
     return _arm(bundle, proxy, bundle.read(CAPTURES))
 
 
-def _true_arm(bundle: Scene, truth: GroundTruth) -> _Arm:
+def _true_arm(bundle: Scene, truth: GroundTruth) -> Arm:
     count = len(truth.faces)
     surface = GeometryProxy(
         truth.vertices.astype(np.float32),
@@ -174,21 +179,21 @@ def _true_arm(bundle: Scene, truth: GroundTruth) -> _Arm:
     return _arm(bundle, surface, bundle.read(CAPTURES))
 
 
-def _arm(bundle: Scene, proxy: GeometryProxy, captures: tuple[Capture, ...]) -> _Arm:
+def _arm(bundle: Scene, proxy: GeometryProxy, captures: tuple[Capture, ...]) -> Arm:
     settings = bundle.declaration.settings
     observed = reliable_depths(captures, bundle.read(DEPTH), settings.stereo)
     renderer, depths = ZBufferRenderer(proxy), proxy_depths(captures, proxy)
     started_s = time.perf_counter()
     generator = BlendingGenerator(captures, depths, settings.generation, observed)
-    return _Arm(settings, captures, depths, renderer, generator, time.perf_counter() - started_s)
+    return Arm(settings, captures, depths, renderer, generator, time.perf_counter() - started_s)
 
 
-def _warm_up(arm: _Arm, camera: Camera) -> None:
+def _warm_up(arm: Arm, camera: Camera) -> None:
     """Compile the kernels, which is not counted."""
     arm.generator.generate(0, arm.renderer.render([camera.scaled(0.25)]))
 
 
-def _scored(arm: _Arm, views: Sequence[Capture], truth: GroundTruth, clips: int) -> dict[str, Any]:
+def _scored(arm: Arm, views: Sequence[Capture], truth: GroundTruth, clips: int) -> dict[str, Any]:
     conditions = arm.renderer.render([view.camera for view in views])
     started_s = time.perf_counter()
     frames = [arm.generator.generate(0, [condition])[0] for condition in conditions]
@@ -236,7 +241,7 @@ def _causes(
     return {name: asdict(shares[name]) for name in CAUSES}
 
 
-def _clip(arm: _Arm, view: Capture) -> dict[str, Any]:
+def _clip(arm: Arm, view: Capture) -> dict[str, Any]:
     """A whole clip towards a frozen pose, at the scale that clips have."""
     h = arm.settings
     captures = [capture.camera for capture in arm.captures]

@@ -5,8 +5,8 @@ frame by the frame's own drift. Their patches are found in it, first coarsely an
 as the gates allow, then finely about the pose that came of it (LO-RANSAC), and pose and
 focal length are refined. All is solved relative to the fixed reference capture, whose
 registered world pose it is composed with (Sec. 3.3). The query pose never becomes the
-training pose and is no prior: it only says where to look, and bounds how far off a frame
-may be before it is rejected.
+training pose and is no prior: it only says where to look, unless a registrar (``slot``)
+says it, and bounds how far off a frame may be before it is rejected.
 """
 
 from __future__ import annotations
@@ -75,18 +75,21 @@ def register_frame(
     landmarks: Landmarks,
     settings: RegistrationSettings,
     seed: int = 0,
+    start: Camera | None = None,
 ) -> RegisteredFrame:
     """Estimate the pose of a generated frame (H, W, 3) float32 made for the ``query`` camera.
 
     The pose is solved in the frame of the fixed ``reference`` capture and composed with its
-    world pose. The query's pose and lens say where the captures' patches are looked for.
+    world pose. The pose of ``start``, the query where there is none, and the query's lens say where
+    the captures' patches are looked for; how far off the query the frame is counts in either case.
     The same seed gives the same bits.
     """
     grey = cv2.cvtColor(np.ascontiguousarray(image[..., :3], np.float32), cv2.COLOR_RGB2GRAY)
-    surfaces = landmarks.seen_best(query, reference, settings.max_captures)
+    about = query if start is None else query.at(start.world_from_camera)
+    surfaces = landmarks.seen_best(about, reference, settings.max_captures)
     found = find_landmarks(
         grey,
-        query,
+        about,
         surfaces,
         _COARSE_SIDE_PX,
         settings.search_radius_px,
@@ -130,7 +133,7 @@ def _coarse_pose(
     pose = estimate_pose(found.pixels, points, query, _COARSE_ERROR * settings.max_error_px, seed)
     if pose is None or pose.inlier_count < max(_COARSE_INLIERS, _COARSE_AGREEMENT * found.expected):
         return None
-    return _composed(reference, pose.camera)
+    return composed(reference, pose.camera)
 
 
 def _fine_pose(
@@ -173,7 +176,7 @@ def _refined(
         settings.focal_sigma,
         camera.width / _ERROR_CELLS,
     )
-    return refined and replace(refined, camera=_composed(reference, refined.camera))
+    return refined and replace(refined, camera=composed(reference, refined.camera))
 
 
 def _judged(
@@ -265,8 +268,8 @@ def _turn_deg(a: Camera, b: Camera) -> float:
     return float(np.degrees(rotation_angle_rad(a.world_from_camera, b.world_from_camera)))
 
 
-def _composed(reference: Camera, relative: Camera) -> Camera:
-    """A camera in the frame of ``reference``, in the world."""
+def composed(reference: Camera, relative: Camera) -> Camera:
+    """A camera whose pose is in the frame of ``reference``, in the world: with the reference's fixed pose."""
     return relative.at(reference.world_from_camera @ relative.world_from_camera)
 
 

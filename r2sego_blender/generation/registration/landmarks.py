@@ -71,13 +71,17 @@ class Landmarks:
 
     def seen_best(self, query: Camera, reference: Camera, count: int) -> list[CaptureSurface]:
         """The ``reference`` capture, then those that fill most of the query's image, ``count`` in all."""
+        return [self.surfaces[i] for i in self.indices_seen_best(query, reference, count)]
+
+    def indices_seen_best(self, query: Camera, reference: Camera, count: int) -> list[int]:
+        """The captures of ``seen_best``, by their number."""
         glance = query.fitted(_GLANCE_SIDE_PX)
         is_reference = [
             np.array_equal(one.camera.world_from_camera, reference.world_from_camera) for one in self.surfaces
         ]
         filled = np.array([(one.seen_from(glance).depth > 0.0).mean() for one in self.surfaces])
         order = np.lexsort([-filled, np.logical_not(is_reference)])[:count]
-        return [self.surfaces[i] for i in order if filled[i] > 0.0]
+        return [int(i) for i in order if filled[i] > 0.0]
 
 
 def find_landmarks(

@@ -14,7 +14,7 @@ from ..protocol.serving import Answer, Request, Tell
 from .loading import Loaded, device_of, packages_of, run, weights_file
 
 _LABEL = "VGGT"
-_REPOSITORY = "facebook/VGGT-1B"
+REPOSITORY = "facebook/VGGT-1B"
 _PLACES = ("vggt", "mapanything.models.external.vggt")
 
 
@@ -31,12 +31,12 @@ def _load(name: str, random: bool) -> Any:
     network = _published("models.vggt").VGGT
     import torch
 
-    made = network() if random else network.from_pretrained(_REPOSITORY)
+    made = network() if random else network.from_pretrained(REPOSITORY)
     return made.to(device_of(torch)).eval()
 
 
 def _weights(name: str) -> Path:
-    return weights_file(_REPOSITORY, "model.safetensors", _LABEL)
+    return weights_file(REPOSITORY, "model.safetensors", _LABEL)
 
 
 _LOADED = Loaded(_load, _weights)

@@ -107,6 +107,7 @@ def test_a_server_that_breaks_costs_one_request(server, token_file, way, kind, s
     assert type(caught.value) is kind and caught.value.where == "served"
     assert time.monotonic() - began_s < 4.0 or way not in ("hangs", "long")
     if way == "dies":
+        server.process.wait(10.0)
         with pytest.raises(MachineError, match="no worker answers there"):
             depth_of(worker)
     else:
