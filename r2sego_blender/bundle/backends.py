@@ -10,6 +10,7 @@ from ..config.settings import Settings
 from ..config.slots import ESTIMATORS, GENERATORS, REGISTRARS, RENDERERS, SURFACES, TRAINERS
 from ..core.json_files import read_json
 from ..core.printable import printable
+from . import layout
 
 BACKENDS: Mapping[str, str] = {
     "initial_asset": "embedded: dense stereo to splats",
@@ -31,6 +32,9 @@ ESTIMATOR = "depth_estimator"
 
 WITH_RECORDED = {ESTIMATOR: ESTIMATORS.labels["recorded"]}
 """Where depth maps of any origin were recorded; whether a model made them nobody here knows."""
+
+
+_BY_LAYOUT = {ESTIMATOR: "embedded: the room's layout"}
 
 
 def chosen_backends(settings: Settings) -> dict[str, str]:
@@ -57,3 +61,9 @@ def controller_backend(bundle: Path) -> dict[str, str]:
         if controller.startswith("replay"):
             return {"controller": f"embedded: {controller}, tracked in MuJoCo"}
     return {}
+
+
+def layout_backend(bundle: Path) -> dict[str, str]:
+    """The room's layout, where it is what estimated depth of ``bundle``; empty elsewhere."""
+    by_layout = (bundle / layout.ESTIMATED).is_dir() and not (bundle / layout.ESTIMATES).is_dir()
+    return dict(_BY_LAYOUT) if by_layout else {}

@@ -17,7 +17,7 @@ from ..core.atomic_files import UNFINISHED, flush, remove, replacing_together, s
 from ..core.scratch import keeping, scratch_place
 from . import locks
 from .artifacts import Artifact, Held
-from .backends import controller_backend
+from .backends import controller_backend, layout_backend
 from .containment import inside, make_folder, require_contained
 from .declaration import DECLARATION, Declaration, name_in, read_declaration, write_declaration
 from .disk import disk_errors
@@ -176,8 +176,8 @@ class Scene:
 
     @property
     def backends(self) -> dict[str, str]:
-        """The backend of each slot: as declared, and the controller that drove the last rollouts."""
-        return {**self.declaration.backends, **controller_backend(self.path)}
+        """The backend of each slot: as declared, and what estimated depth and drove the last rollouts."""
+        return {**self.declaration.backends, **layout_backend(self.path), **controller_backend(self.path)}
 
     def journal(self) -> list[dict[str, Any]]:
         """The records of every step run so far, oldest first."""

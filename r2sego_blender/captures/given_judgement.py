@@ -219,6 +219,8 @@ def _relocated(
         )
         if keeps:
             says += "; it is kept, as refine_poses is 'never'"
+        elif one.camera is None and one.by_pairs:
+            says += "; it is kept: no two of these agree on any, as where a pattern repeats"
         elif one.camera is not None:
             turn_deg = np.degrees(rotation_angle_rad(capture.camera.world_from_camera, one.camera.world_from_camera))
             distance = np.linalg.norm(one.camera.centre - capture.camera.centre)

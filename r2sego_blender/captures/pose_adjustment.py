@@ -12,6 +12,7 @@ import numpy as np
 
 from ..config.settings import CaptureSettings
 from ..core.cameras import Camera, rotation_angle_rad
+from ..core.errors import NoOverlapError
 from ..core.progress import SILENT, Progress
 from .given_judgement import check_unit, judged
 from .importing import Imported
@@ -32,6 +33,8 @@ def triangulate_refined(
 ) -> tuple[Imported, SparsePoints]:
     """What the captures see in common, triangulated, and the captures at their refined poses.
 
+    Captures with given poses that share nothing are as they are, with no points and a warning.
+
     With ``refine_poses`` as "auto" the given poses are kept unless the median reprojection
     error falls below three quarters of theirs; poses that were solved here are always
     kept, and so are those of captures with too few tracks, with a warning. The frame and the
@@ -39,6 +42,16 @@ def triangulate_refined(
     was done. Before that lenses and single photographs are judged (``given_judgement.judged``).
     Raises CaptureError as that and ``sparse.triangulate`` do.
     """
+    try:
+        return _triangulated(imported, settings, progress)
+    except NoOverlapError as nothing:
+        if imported.solved:
+            raise
+        progress.message(f"{nothing.what}: how far away things are has to be estimated", level="warning")
+        return imported, SparsePoints.none(len(imported.captures))
+
+
+def _triangulated(imported: Imported, settings: CaptureSettings, progress: Progress) -> tuple[Imported, SparsePoints]:
     detected, plain = _matched(imported, settings, progress)
     for lenses_too in () if imported.solved else (True, False):
         lenses = [capture.camera for capture in imported.captures]

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..config.settings import CaptureSettings
 from ..core.cameras import Camera
-from ..core.errors import CaptureError
+from ..core.errors import CaptureError, NoOverlapError
 from ..core.progress import SILENT, Progress
 from ..core.scratch import ScratchFolder
 from ..workers.child import call_in_child
@@ -42,12 +42,15 @@ USUAL_DEPTH_M = 2.5
 # Two captures that share so many matches of SIFT's need no others: SIFT's are three times as exact. Nor do
 # those that each share as many with so many others: what they see is measured, and better by SIFT alone.
 _PLENTY, _ENOUGH_OTHERS = 100, 2
+# Times ``min_matches``: of fewer, the most may be chance.
+_FEW_MATCHES = 3
 # With a few wide views half of all true points are seen by two rays only a little apart.
 _MIN_TRIANGULATION_ANGLE_DEG = 1.0
 # Depth ranges: robust ends of the measured depths, and room for surfaces without features.
 _RANGE_PERCENTILES = (1.0, 99.0)
 _RANGE_MARGIN = (0.7, 1.5)
 _RANGE_MIN_POINTS = 10
+_USUAL_RANGE_M = (0.5, 8.0)
 _TIMEOUT_S = 1200.0
 
 
@@ -119,7 +122,7 @@ def triangulate_matches(
 ) -> SparsePoints:
     """The points of matched features, each within ``max_error_px`` of its measurements.
 
-    Raises CaptureError when there are fewer than ``min_matches``.
+    Raises CaptureError when there are fewer than ``min_matches``: NoOverlapError where hardly more was matched.
     """
     with progress.task("Triangulating", total=1) as task, ScratchFolder() as folder:
         save_matches(Path(folder, "matches.npz"), detected.features, pairs)
@@ -129,6 +132,12 @@ def triangulate_matches(
             points, error_px, pixels = data["points"], data["error_px"], data["pixels"]
         task.advance()
     if len(points) < settings.min_matches:
+        if sum(map(len, pairs.values())) < _FEW_MATCHES * settings.min_matches:
+            raise NoOverlapError(
+                f"the captures share {len(points)} points, too few to measure anything by",
+                where="captures",
+                cure="Photograph the same room from viewpoints that overlap by half, sharp and well lit.",
+            )
         raise CaptureError(
             f"the captures overlap, but only {len(points)} points lie in front of their cameras",
             where="camera poses",
@@ -215,8 +224,11 @@ def depth_ranges(captures: Sequence[Capture], sparse: SparsePoints) -> list[tupl
     """(near, far) planar depths per capture that hold its surroundings, for dense stereo.
 
     Robust ends of the depths of the points it measured, else of those in its view, else
-    of all, widened for surfaces that have no features. Same unit as the points.
+    of all, widened for surfaces that have no features. Same unit as the points. Without any point, what is
+    usual in a room: then the unit is the metre.
     """
+    if not len(sparse.points):
+        return [_USUAL_RANGE_M] * len(captures)
     ranges = []
     for index, capture in enumerate(captures):
         pixels, depth = capture.camera.project(sparse.points)

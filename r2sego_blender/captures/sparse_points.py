@@ -35,6 +35,17 @@ class SparsePoints:
     error_px: np.ndarray
     pixels: np.ndarray
 
+    @staticmethod
+    def none(captures: int) -> SparsePoints:
+        """No point, of so many captures that measured nothing."""
+        return SparsePoints(
+            np.zeros((0, 3)),
+            np.zeros((0, 3), np.uint8),
+            np.zeros((0, captures), bool),
+            np.zeros(0),
+            np.zeros((0, captures, 2), np.float32),
+        )
+
     def transformed(self, similarity: np.ndarray) -> SparsePoints:
         """These points after a (4, 4) similarity of the world."""
         return replace(self, points=self.points @ similarity[:3, :3].T + similarity[:3, 3])

@@ -117,6 +117,12 @@ class ProxySettings:
     min_component_m2: float = setting(0.02, "Loose surfaces smaller than this are dropped.", 0.0, 10.0)
     completed_weight: float = setting(0.1, "Weight of completed depth against observed 1.0.", 0.0, 1.0)
     asset_weight: float = setting(0.1, "Weight of the current asset's depth against observed 1.0.", 0.0, 1.0)
+    layout: str = setting(
+        "auto",
+        "Whether the room's layout carries captures that nothing else tells the depth of: where they hardly overlap.",
+        choices=("auto", "never"),
+        added=True,
+    )
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,10 @@ class CaptureError(R2SEgoError):
     """Photographs, camera files or a COLMAP model that cannot be used."""
 
 
+class NoOverlapError(CaptureError):
+    """Photographs that share too little for anything to be measured of what they show."""
+
+
 class SceneError(R2SEgoError):
     """A scene bundle that is missing, locked, damaged or of another version."""
 

@@ -129,10 +129,9 @@ def _provenance(proxy: GeometryProxy) -> dict[str, float]:
     corners = proxy.vertices[proxy.faces]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     total = max(float(area.sum()), 1e-12)
-    shares = {p.name.lower(): float(area[proxy.provenance == p].sum()) / total for p in Provenance}
-    if not (proxy.provenance == Provenance.ESTIMATED).any():  # told only where something was
-        del shares[Provenance.ESTIMATED.name.lower()]
-    return shares
+    usual = (Provenance.OBSERVED, Provenance.PRIOR, Provenance.COMPLETED)
+    there = [kind for kind in Provenance if kind in usual or (proxy.provenance == kind).any()]
+    return {kind.name.lower(): float(area[proxy.provenance == kind].sum()) / total for kind in there}
 
 
 def _round(scene: Scene, index: int) -> Round:

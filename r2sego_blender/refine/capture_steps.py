@@ -25,8 +25,10 @@ from ..config.settings import Settings
 from ..core.cameras import Camera
 from ..core.progress import Progress
 from ..geometry.estimators.aligned_depth import ESTIMATED, AlignedDepth
-from ..geometry.estimators.aligning import align_estimates
+from ..geometry.estimators.aligning import CARRIED, align_estimates
 from ..geometry.estimators.estimated_depth import ESTIMATES, EstimatedDepth
+from ..geometry.estimators.estimated_points import spread_m, with_estimates
+from ..geometry.layout.layout_depth import with_layout
 from ..geometry.objects.objects import OBJECTS, ObjectsFolder
 from ..geometry.objects.prior_files import PRIORS, AlignedPrior, ObjectPrior
 from ..geometry.objects.priors import align_objects, load_library
@@ -36,14 +38,14 @@ from ..geometry.room.completed_depth import COMPLETED, CompletedDepth
 from ..geometry.room.completion import complete_depth, trusted_depth
 from ..geometry.room.planes import PLANES, RoomPlanes, find_planes
 from ..geometry.stereo.measured_depth import with_sensor
-from ..geometry.stereo.observed import observe
+from ..geometry.stereo.observed import observe, require_observed
 from ..geometry.stereo.observed_geometry import OBSERVED, ObservedGeometry
 from ..geometry.stereo.stereo import DEPTH, DepthMap, dense_stereo
 from ..splats.artifacts import BACKDROP, INITIAL_ASSET
 from ..splats.asset import SplatAsset
 from ..splats.training.backdrop import backdrop
 from ..splats.training.initialization import DepthView, merge_views
-from .depths import completed_depths, reliable_depths
+from .depths import carried_depths, completed_depths, reliable_depths
 from .visual_asset import disc_stride_px
 
 Captures = Sequence[Capture]
@@ -105,8 +107,11 @@ class CaptureSteps:
                 maps = with_sensor(maps, captures, found, self.h.stereo)
             return by_file(captures, maps)
 
-        def lift(captures: Captures, depth: PerCapture[DepthMap]) -> SplatAsset:
-            return merge_views(self._lifted(captures, reliable_depths(captures, depth, self.h.stereo)))
+        def lift(captures: Captures, depth: PerCapture[DepthMap], *estimated: PerCapture[AlignedDepth]) -> SplatAsset:
+            depths = reliable_depths(captures, depth, self.h.stereo)
+            for maps in estimated:
+                depths = carried_depths(captures, depths, maps, self._carried(captures, depth))
+            return merge_views(self._lifted(captures, depths))
 
         sensor = [SENSOR_DEPTH] if (self.runner.scene.path / SENSOR_DEPTH.name).is_dir() else []
         depth = self._make(
@@ -118,36 +123,53 @@ class CaptureSteps:
             settings=[self.h.stereo, self.h.seed],
             fits=lambda maps, captures, *_: maps.of(captures),
         )
+        captures = RegisteredCaptures(CAPTURES, SPARSE, depth)
         asset = self._make(
             INITIAL_ASSET,
             lift,
             CAPTURES,
             depth,
+            *self._carrying(captures),
             settings=[self.h.stereo, self._stride_px, self.h.training.detailed_share],
         )
-        return RegisteredCaptures(CAPTURES, SPARSE, depth), asset
+        return captures, asset
 
     def observed_and_prior_geometry(
         self, captures: RegisteredCaptures
     ) -> tuple[Artifact[ObservedGeometry], Artifact[RoomPlanes]]:
         """M_obs with its support record, and the embedded shape prior: the room's own planes."""
 
-        def fuse(captures: Captures, sparse: SparsePoints, depth: PerCapture[DepthMap]) -> ObservedGeometry:
-            return observe(captures, depth.of(captures), sparse, self.h.stereo)
+        def fuse(
+            captures: Captures, sparse: SparsePoints, depth: PerCapture[DepthMap], *estimated: PerCapture[AlignedDepth]
+        ) -> ObservedGeometry:
+            observed = observe(captures, depth.of(captures), sparse, self.h.stereo)
+            for maps in estimated:
+                by = self._carried(captures, depth)
+                observed = with_estimates(observed, captures, maps.of(captures), by, self.h.stereo.point_spacing_m)
+            require_observed(observed)
+            return observed
 
-        def find(captures: Captures, depth: PerCapture[DepthMap], observed: ObservedGeometry) -> RoomPlanes:
+        def find(
+            captures: Captures,
+            depth: PerCapture[DepthMap],
+            observed: ObservedGeometry,
+            *estimated: PerCapture[AlignedDepth],
+        ) -> RoomPlanes:
             rng = np.random.default_rng([self.h.seed, 0])
             cameras = [capture.camera for capture in captures]
-            found = find_planes(observed, cameras, self.h.proxy, rng)
+            off_m = [spread_m(observed, maps.of(captures), self._carried(captures, depth)) for maps in estimated]
+            found = find_planes(observed, cameras, self.h.proxy, rng, *off_m)
             return with_missing_bounds(found, captures, depth.of(captures), observed, self.h)
 
-        observed = self._make(OBSERVED, fuse, *captures, settings=self.h.stereo)
+        estimated = self._carrying(captures)
+        observed = self._make(OBSERVED, fuse, *captures, *estimated, settings=self.h.stereo)
         planes = self._make(
             PLANES,
             find,
             captures.photographs,
             captures.depth,
             observed,
+            *estimated,
             settings=[self.h.stereo, self.h.proxy, self.h.seed],
         )
         return observed, planes
@@ -235,26 +257,59 @@ class CaptureSteps:
         return aligned
 
     def _estimated(self, captures: RegisteredCaptures) -> list[Artifact[PerCapture[AlignedDepth]]]:
-        """The estimator's depth in the world's metres, where the bundle has any."""
+        """The depth in the world's metres that the bundle's estimator gives, and the room's layout where hardly
+        anything is known; nothing where there is neither."""
+        recorded = [ESTIMATES] if (self.runner.scene.path / ESTIMATES.name).is_dir() else []
+        by_layout = self._needs_layout
 
         def align(
-            captures: Captures, sparse: SparsePoints, depth: PerCapture[DepthMap], estimates: PerCapture[EstimatedDepth]
+            captures: Captures,
+            sparse: SparsePoints,
+            depth: PerCapture[DepthMap],
+            *estimates: PerCapture[EstimatedDepth],
         ) -> dict[str, AlignedDepth]:
             trusted = trusted_depth(depth.of(captures), self.h.stereo)
-            found = [estimates.found(captures, index) for index in range(len(captures))]
-            return by_file(captures, align_estimates(captures, sparse, trusted, found, self.progress))
+            found = [[maps.found(captures, index) for index in range(len(captures))] for maps in estimates]
+            aligned = align_estimates(
+                captures, sparse, trusted, found[0] if found else [None] * len(captures), self.progress
+            )
+            if by_layout:
+                aligned = with_layout(aligned, self._carried(captures, depth), captures, trusted, self.progress)
+            return by_file(captures, aligned)
 
-        if not (self.runner.scene.path / ESTIMATES.name).is_dir():
+        if not recorded and not by_layout:
             return []
         estimated = self._make(
             ESTIMATED,
             align,
             *captures,
-            ESTIMATES,
-            settings=self.h.stereo,
+            *recorded,
+            settings=[self.h.stereo, by_layout] if by_layout else self.h.stereo,
             fits=lambda maps, captures, *_: maps.of(captures),
         )
         return [estimated]
+
+    def _carrying(self, captures: RegisteredCaptures) -> list[Artifact[PerCapture[AlignedDepth]]]:
+        """The estimated depth where it carries a capture, else nothing."""
+        return self._estimated(captures) if (self._known < CARRIED).any() else []
+
+    @property
+    def _needs_layout(self) -> bool:
+        """Whether so little is known of all captures that the room's layout has to say something."""
+        return self.h.proxy.layout == "auto" and len(self._known) > 0 and float(self._known.mean()) < CARRIED
+
+    @cached_property
+    def _known(self) -> np.ndarray:
+        """(N,) the share of each capture's pixels that stereo and sensors know; of none while they are not made."""
+        scene = self.runner.scene
+        made = (scene.path / DEPTH.name).is_dir()
+        return self._known_of(scene.read(DEPTH).of(scene.read(CAPTURES))) if made else np.zeros(0)
+
+    def _carried(self, captures: Captures, depth: PerCapture[DepthMap]) -> np.ndarray:
+        return self._known_of(depth.of(captures)) < CARRIED
+
+    def _known_of(self, maps: Sequence[DepthMap]) -> np.ndarray:
+        return np.array([one.reliable(self.h.stereo).mean() for one in maps])
 
     # ---- what all steps have in common
 

@@ -11,6 +11,7 @@ from ..captures.per_capture import PerCapture
 from ..config.settings import StereoSettings
 from ..core.images import resize_nearest
 from ..generation.conditions.conditions import ZBufferRenderer
+from ..geometry.estimators.aligned_depth import AlignedDepth
 from ..geometry.proxy.proxy import GeometryProxy
 from ..geometry.room.completed_depth import CompletedDepth
 from ..geometry.stereo.stereo import DepthMap
@@ -23,6 +24,16 @@ def reliable_depths(
     return [
         resize_nearest(np.where(m.reliable(settings), m.depth, 0.0), *capture.camera.shape)
         for capture, m in zip(captures, maps.of(captures), strict=True)
+    ]
+
+
+def carried_depths(
+    captures: Sequence[Capture], depths: Sequence[np.ndarray], estimated: PerCapture[AlignedDepth], carried: np.ndarray
+) -> list[np.ndarray]:
+    """``depths``, and where these know nothing the estimate of captures that are ``carried`` (N,) bool by it."""
+    return [
+        np.where((depth <= 0.0) & is_carried, resize_nearest(one.depth, *capture.camera.shape), depth)
+        for capture, depth, one, is_carried in zip(captures, depths, estimated.of(captures), carried, strict=True)
     ]
 
 

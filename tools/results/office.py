@@ -26,17 +26,12 @@ from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.sensors.sensor_depth import SensorDepth
 from r2sego_blender.captures.store import CAPTURES
 from r2sego_blender.core.images import resize_nearest
-from r2sego_blender.evaluation.exposed_rendering import as_exposed
-from r2sego_blender.evaluation.frozen import score
-from r2sego_blender.evaluation.scene_evaluation import frozen_views
 from r2sego_blender.generation.conditions.conditions import ZBufferRenderer
 from r2sego_blender.generation.ego_views import VIEWS
 from r2sego_blender.geometry.proxy.proxy import PROXY
 from r2sego_blender.geometry.room.completed_depth import COMPLETED
-from r2sego_blender.geometry.stereo.observed_geometry import OBSERVED
-from r2sego_blender.refine.visual_asset import vanilla_asset
-from r2sego_blender.splats.training.observations import Observation
 
+from .baseline import strongest_baseline
 from .measure import run_r2sego
 
 _HELD_OUT_OF_SEVEN = (1, 3, 5)
@@ -106,18 +101,6 @@ def _share(
 ) -> float:
     near = [np.abs(a - b)[b > 0.0] <= metres + relative * b[b > 0.0] for a, b in zip(found, sensed, strict=True)]
     return round(float(np.concatenate(near).mean()), 4)
-
-
-def strongest_baseline(scene: Scene, frozen: Path) -> tuple[float, float]:
-    """PSNR and SSIM of the observed points trained at this project's rates, without rounds."""
-    h = scene.declaration.settings
-    captures, observed = scene.read(CAPTURES), scene.read(OBSERVED)
-    seen = [Observation(capture.camera, capture.image()) for capture in captures]
-    steps, rng = h.rounds * h.training.steps_per_round, np.random.default_rng([h.seed, 1])
-    asset = vanilla_asset(observed.points, observed.colours, seen, steps, h.training, rng)
-    exposed = as_exposed(asset, captures)
-    scored = score(lambda camera: exposed(camera).colour, frozen_views(scene, frozen))
-    return round(scored.psnr, 3), round(scored.ssim, 4)
 
 
 def measure(data: Path, work: Path, split: str, with_depth: bool, preset: str) -> dict[str, Any]:

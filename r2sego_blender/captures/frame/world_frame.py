@@ -19,7 +19,7 @@ from ..importing import Imported
 from ..sparse import USUAL_DEPTH_M, usual_depth
 from ..sparse_points import SparsePoints
 from .depth_scale import depth_scale, likely_unit_m
-from .ground import Ground, find_ground
+from .ground import Ground, find_ground, up_guess
 from .scale import Scale, length_scale, marker_scale
 
 ASSUMED_CAMERA_HEIGHT_M = 1.5
@@ -36,6 +36,9 @@ _HELD_BETWEEN_M = (0.3, 3.0)
 
 # How a scale that hangs on the floor is called.
 _HEIGHT_OF, _ASSUMED = " height of ", "assumed"
+
+# Cosine of the angle within which an axis of the poses' frame is taken to be upright.
+_UPRIGHT_AXIS = np.cos(np.radians(4.0))
 
 # Sine of the angle from the vertical below which a camera's forward axis tells no heading.
 _MIN_HEADING = 0.05
@@ -69,13 +72,17 @@ def register(
 
     z = 0 is the floor; the origin is the first capture's centre put down on it; the x-axis
     is the first capture's heading on it. An assumed scale and a floor that was not seen
-    are reported as warnings. Raises CaptureError when what should tell the scale does not.
+    are reported as warnings. Where nothing shows the floor of metric poses, it lies the cameras' height under
+    them. Raises CaptureError when what should tell the scale does not.
     """
     captures = imported.captures
     known, source = _scale_before_ground(imported, sparse, scale, progress)
     unit_m = known if known is not None else USUAL_DEPTH_M / usual_depth(captures, sparse)
     cameras = [capture.camera for capture in captures]
     ground = find_ground(sparse.points, cameras, settings.floor_tolerance_m / unit_m, imported.up)
+    if not ground.found and (below := _below_cameras(imported, ground, known, scale, len(sparse.points))):
+        ground, known = below
+        source = source or f"metric poses ({imported.source})"
     if not ground.found:
         progress.message(
             f"{ground.description}: see in report/ground/ whether the room stands level on z = 0, and "
@@ -93,6 +100,49 @@ def register(
                 level="warning",
             )
     return Registration(_world_from_capture(captures[0], ground, known), ground.description, source)
+
+
+def _below_cameras(
+    imported: Imported, ground: Ground, known: float | None, scale: Scale, points: int
+) -> tuple[Ground, float] | None:
+    """The ground at the cameras' height under them, and metres per unit: where the height is given and the unit
+    known, or where there is no point that would tell either.
+
+    Raises CaptureError where nothing tells the unit.
+    """
+    given = scale.kind == "camera_height"
+    if points and not (given and imported.metric):
+        return None
+    unit_m = known if known is not None else 1.0 if imported.metric else None
+    if unit_m is None:
+        raise CaptureError(
+            "the photographs share nothing, and nothing else tells how long a unit of their poses is",
+            where="scale",
+            cure="Declare the poses metric if they are, give a known length or a marker, or photograph from "
+            "viewpoints that overlap by half.",
+        )
+    up, how = _up_without_points(imported)
+    heights = np.array([capture.camera.centre for capture in imported.captures]) @ up
+    height_m = scale.metres if given else ASSUMED_CAMERA_HEIGHT_M
+    offset = float(heights[0] if given else np.median(heights)) - height_m / unit_m
+    whose = f"{height_m:g} m under the {'first camera, as given' if given else 'cameras, as is usual'}"
+    return Ground(up, offset, 0, False, f"no floor seen: {how}, {whose}"), unit_m
+
+
+def _up_without_points(imported: Imported) -> tuple[np.ndarray, str]:
+    """The direction up (3,) where only the cameras tell it, and how it was found.
+
+    Devices and programs align an axis of their frame with gravity: where one is about what the cameras say, it
+    is that.
+    """
+    if imported.up is not None:
+        return imported.up / np.linalg.norm(imported.up), "upright as the device measured gravity"
+    guess = up_guess([capture.camera for capture in imported.captures])
+    axis = np.zeros(3)
+    axis[np.argmax(np.abs(guess))] = np.sign(guess[np.argmax(np.abs(guess))])
+    if axis @ guess > _UPRIGHT_AXIS:
+        return axis, "upright as an axis of the poses"
+    return guess, "upright as the cameras were held"
 
 
 def corrected(

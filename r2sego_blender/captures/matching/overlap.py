@@ -11,7 +11,7 @@ import numpy as np
 
 from ...config.settings import CaptureSettings
 from ...core.cameras import Camera
-from ...core.errors import CaptureError
+from ...core.errors import CaptureError, NoOverlapError
 from ...core.progress import Progress
 from ..colmap import load_pycolmap
 from .features import Features, epipolar_errors, match, match_along_epipolar_lines
@@ -100,7 +100,8 @@ def confirming(
 
     A pair is kept, as overlapping, when these are ``min_matches`` and a fifth of its matches
     at least, of SIFT or of the other matcher, whose mistakes agree with each other where a room
-    repeats itself. Raises CaptureError when no pair is, and tells overlap with wrong poses apart.
+    repeats itself. Raises NoOverlapError when no pair is, and CaptureError where poses
+    contradict what overlaps.
     """
     pairs: Pairs = {}
     contradicting = 0
@@ -174,7 +175,7 @@ def _nothing_overlaps(contradicting: int, settings: CaptureSettings) -> CaptureE
             "transforms.json), the order of the poses, the focal length, and whether photographs that EXIF "
             "turns by 180 degrees were turned when the poses were solved.",
         )
-    return CaptureError(
+    return NoOverlapError(
         f"no two photographs share {settings.min_matches} matches that fit their poses",
         where="captures",
         cure="Photograph the same room from viewpoints that overlap by half, sharp and well lit.",

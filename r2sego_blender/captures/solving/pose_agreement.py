@@ -22,7 +22,8 @@ class Contradiction(NamedTuple):
     """Photograph number ``photograph``, whose given pose the matches contradict.
 
     ``agreeing`` of the ``shared`` points that the others agree on lie where it saw them. ``camera`` is where
-    these are seen from instead, ``located`` how many then agree; None where it is not clear.
+    these are seen from instead, ``located`` how many then agree; None where it is not clear. ``by_pairs``: no two
+    others agree on any of the points, so that what repeats in the room may be taken for one thing.
     """
 
     photograph: int
@@ -30,6 +31,7 @@ class Contradiction(NamedTuple):
     shared: int
     camera: Camera | None = None
     located: int = 0
+    by_pairs: bool = False
 
 
 class _Shown(NamedTuple):
@@ -94,7 +96,7 @@ def _judged(
             errors = intersections([cameras[k] for k in pair], pixels[rows][:, pair]).errors_px
             agreeing += int((errors.max(axis=1) < band_px).sum())
             count += int(rows.sum())
-    return Contradiction(index, agreeing, count if count >= _CONTRADICTING_MATCHES else 0)
+    return Contradiction(index, agreeing, count if count >= _CONTRADICTING_MATCHES else 0, by_pairs=True)
 
 
 def _shown(index: int, cameras: Sequence[Camera], pixels: np.ndarray, trusted: set[int], band_px: float) -> _Shown:

@@ -18,8 +18,12 @@ from ..stereo.evidence import KnownDepth, seen_by_others
 from .aligned_depth import AlignedDepth
 from .alignment import Aligned, aligned
 from .averaging import brought_together
-from .contradictions import without_contradictions
+from .contradictions import contradicted, without_contradictions
 from .estimated_depth import EstimatedDepth
+from .floor import floor_in
+
+CARRIED = 0.1
+"""Of a capture's pixels: where less is known by stereo and sensors, what is estimated carries it."""
 
 _FEWEST = 30  # pixels of known depth that an estimate is aligned by
 _LEAST_SINE = 0.02  # of the angle under which a sparse point was triangulated
@@ -35,9 +39,9 @@ def align_estimates(
     """Each capture's estimate in metres at the size of its ``trusted`` depth, of stereo and sensors; 0 where there
     is none.
 
-    A capture that shares too little known depth is brought along by what the others and their estimates show of
-    it. What cannot be aligned is left out with a warning. Raises GeometryError where an estimate is of another size
-    than its capture.
+    What a carried capture shows of the floor counts as known: it is z = 0. One that shares too little known depth
+    is brought along by what the others and their estimates show of it. What cannot be aligned is left out with a
+    warning. Raises GeometryError where an estimate is of another size than its capture.
     """
     own = {
         index: _at_size_of(one, captures[index], trusted[index].camera)
@@ -48,10 +52,19 @@ def align_estimates(
     known = [
         _with_points(view, sparse.points[sparse.visibility[:, index] & sure]) for index, view in enumerate(trusted)
     ]
+    by_floor = {}
+    for index, view in enumerate(trusted):
+        if index in own and (view.depth > 0.0).mean() < CARRIED:
+            floor = floor_in(own[index][0], view.camera)
+            by_floor[index] = np.where(known[index] > 0.0, known[index], floor)
     found: dict[int, Aligned] = {}
     for index, one in own.items():
-        if _shared(one[0], known[index]) >= _FEWEST:
-            found |= _taken(index, aligned(*one, known[index]))
+        reference = by_floor.get(index, known[index])
+        if _shared(one[0], reference) >= _FEWEST:
+            found |= _taken(index, aligned(*one, reference))
+    for index in contradicted({i: _placed(one, trusted[i].camera) for i, one in found.items()}):
+        if index in by_floor:  # what was taken for the floor is a table, or a sill
+            del found[index]
     _bring_along(own, trusted, known, found)
     left_out = [captures[index].name for index in own if index not in found]
     for name in left_out:

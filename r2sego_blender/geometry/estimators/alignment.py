@@ -165,7 +165,7 @@ def beside_edges(depth: np.ndarray) -> np.ndarray:
     low = cv2.erode(np.nan_to_num(known, nan=np.inf).astype(np.float32), around)
     high = cv2.dilate(depth.astype(np.float32), around)
     side = 2 * max(1, round(_EDGE_REACH * max(depth.shape))) + 1
-    return cv2.dilate((high > _JUMP * low).astype(np.uint8), np.ones((side, side), np.uint8)) > 0
+    return cv2.dilate((high / _JUMP > low).astype(np.uint8), np.ones((side, side), np.uint8)) > 0
 
 
 def _levels(depth: np.ndarray, near_edge: np.ndarray, residual: np.ndarray, known: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import cv2
@@ -16,6 +16,30 @@ _WRONG_SIGMAS = 4.0  # of known depth, at which an estimate does not show what i
 _MOST_DOUBT = 0.1
 _WINDOW = 0.02  # half side, of the longest side
 _MOSTLY = 0.5
+_LEAST_SHARED = 0.003  # of the picture, by which two estimates are compared as wholes
+_OTHER_SCALE = 0.25  # of the logarithm: no scale that fits both
+
+
+def contradicted(estimates: Mapping[int, AlignedDepth]) -> list[int]:
+    """The captures whose estimates, as wholes, show another depth of what they share with others than those do.
+
+    Taken away one by one, the most contradicted first, until all that are left agree.
+    """
+    apart = {(i, j) for i in estimates for j in estimates if i != j and _differ(estimates[i], estimates[j])}
+    away: list[int] = []
+    while apart:
+        worst = max(estimates, key=lambda index: sum(index in pair for pair in apart))
+        away.append(worst)
+        apart = {pair for pair in apart if worst not in pair}
+    return away
+
+
+def _differ(one: AlignedDepth, other: AlignedDepth) -> bool:
+    seen = seen_by_others(one.camera, [KnownDepth(other.camera, other.depth)], np.zeros_like(one.depth))
+    both = (seen > 0.0) & (one.depth > 0.0)
+    if both.sum() < _LEAST_SHARED * both.size:
+        return False
+    return bool(abs(np.median(np.log(seen[both] / one.depth[both]))) > _OTHER_SCALE)
 
 
 def without_contradictions(

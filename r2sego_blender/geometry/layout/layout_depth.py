@@ -39,6 +39,23 @@ def layout_depth(
     return tuple(found)
 
 
+def with_layout(
+    estimates: Sequence[AlignedDepth],
+    carried: np.ndarray,
+    captures: Sequence[Capture],
+    trusted: Sequence[KnownDepth],
+    progress: Progress = SILENT,
+) -> tuple[AlignedDepth, ...]:
+    """``estimates``, and the layout's in place of those that say nothing of captures that are ``carried`` (N,) bool."""
+    lacking = carried & np.array([not one.depth.any() for one in estimates])
+    if not lacking.any():
+        return tuple(estimates)
+    told = layout_depth(captures, trusted, progress)
+    names = ", ".join(captures[index].name for index in np.flatnonzero(lacking))
+    progress.message(f"the depth of {names} is estimated by the room's layout", level="warning")
+    return tuple(b if lacks else a for a, b, lacks in zip(estimates, told, lacking, strict=True))
+
+
 def _of_box(box: RoomBox, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """(H, W) float32 planar depth of the box and its relative sigma."""
     depth, side = box.hit(camera)

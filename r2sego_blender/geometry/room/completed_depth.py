@@ -29,15 +29,6 @@ class DepthSource(IntEnum):
     ESTIMATED = 5
 
 
-_USUAL_SIGMA = 0.05
-
-
-def certainty_of(sigma: np.ndarray) -> np.ndarray:
-    """How much an estimate of relative ``sigma`` counts, float32 in (0, 1]: half where it is 5 % off."""
-    certainty: np.ndarray = 1.0 / (1.0 + np.square(sigma / np.float32(_USUAL_SIGMA)))
-    return certainty.astype(np.float32)
-
-
 @dataclass(frozen=True)
 class CompletedDepth:
     """A capture's depth without holes.

@@ -10,7 +10,7 @@ that were seen, but not by enough captures for stereo, are added by ``bounds``.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,7 @@ _HYPOTHESES = 256  # points whose own tangent plane is tried for each plane
 _SCORED_POINTS = 8_000  # points a hypothesis is scored on; all take part in the refinement
 _NORMAL_AGREEMENT = 0.9  # cosine between a point's normal and the plane's
 _UPRIGHT = np.cos(np.radians(3.0))  # planes this near to level or upright are made exactly so
+_ABOUT_UPRIGHT = np.cos(np.radians(12.0))  # of what was estimated
 _PARALLEL = np.cos(np.radians(8.0))
 _SAME_WALL_M = 0.15  # parallel bounds nearer than this are one wall and what hangs on it
 
@@ -97,15 +98,20 @@ class RoomPlanes:
 
 
 def find_planes(
-    observed: ObservedGeometry, cameras: Sequence[Camera], settings: ProxySettings, rng: np.random.Generator
+    observed: ObservedGeometry,
+    cameras: Sequence[Camera],
+    settings: ProxySettings,
+    rng: np.random.Generator,
+    spread_m: float = 0.0,
 ) -> RoomPlanes:
     """The floor z = 0 and up to ``settings.planes`` more planes, by sequential RANSAC.
 
     Each hypothesis is one point and its normal; the best is refined by total least squares
     on its inliers and, when nearly level or upright, made exactly so (gravity is known from
     the world frame). ``cameras`` are the captures': a bounding plane has them all on its
-    free side.
+    free side. ``spread_m``: how far most points are off, where that is more than usual.
     """
+    settings = replace(settings, plane_tolerance_m=max(settings.plane_tolerance_m, spread_m))
     points = np.asarray(observed.points, np.float64)
     normals = np.asarray(observed.normals, np.float64)
     tolerance = settings.plane_tolerance_m
@@ -119,7 +125,7 @@ def find_planes(
             on = _on_plane(points[left], normals[left], normal, offset, tolerance)
             if on.sum() < 3:
                 break
-            normal, offset = _fitted(points[left[on]], normal)
+            normal, offset = _fitted(points[left[on]], normal, _UPRIGHT if spread_m == 0.0 else _ABOUT_UPRIGHT)
         on = _on_plane(points[left], normals[left], normal, offset, tolerance)
         if on.sum() < needed:
             break
@@ -133,6 +139,8 @@ def find_planes(
     )
     centres = np.array([camera.centre for camera in cameras]).reshape(-1, 3)
     planes.bounding[:] = _bounding(planes, points, centres, settings)
+    if spread_m > 0.0:  # an estimate leans and bends: what bounds a room does not
+        planes.bounding[:] &= np.isin(np.abs(planes.normals[:, 2]), (0.0, 1.0))
     return planes
 
 
@@ -157,14 +165,15 @@ def _on_plane(
     return (np.abs(points @ normal - offset) < tolerance) & (normals @ normal > _NORMAL_AGREEMENT)
 
 
-def _fitted(points: np.ndarray, towards: np.ndarray) -> tuple[np.ndarray, float]:
-    """The least-squares plane of the points, its normal on the side of ``towards``."""
+def _fitted(points: np.ndarray, towards: np.ndarray, upright: float) -> tuple[np.ndarray, float]:
+    """The least-squares plane of the points, its normal on the side of ``towards``; made level or upright where it
+    is, within the angle of the cosine ``upright``."""
     centre = points.mean(0)
     normal = np.linalg.eigh(np.cov((points - centre).T))[1][:, 0]
     normal *= np.sign(normal @ towards) or 1.0
-    if abs(normal[2]) > _UPRIGHT:
+    if abs(normal[2]) > upright:
         normal = np.array([0.0, 0.0, np.sign(normal[2])])
-    elif np.hypot(normal[0], normal[1]) > _UPRIGHT:
+    elif np.hypot(normal[0], normal[1]) > upright:
         normal = np.array([normal[0], normal[1], 0.0]) / np.hypot(normal[0], normal[1])
     return normal, float(normal @ centre)
 

@@ -7,7 +7,6 @@ captures; here the points are those of the dense stereo that two captures agree 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -43,14 +42,14 @@ def observe(
     ``A_obs`` marks the captures whose reliable depth agrees with a point; those that
     fewer than two mark are dropped, but where a sensor measured them. Where stereo has nothing,
     points of ``sparse`` that three captures measured are added with their own record.
-    Deterministic. Raises GeometryError when no point is left.
+    Deterministic. There may be no point at all: ``require_observed``.
     """
     reliable = [np.where(m.reliable(settings), m.depth, np.float32(0.0)) for m in depth_maps]
     samples = [_samples(c, m, d) for c, m, d in zip(captures, depth_maps, reliable, strict=True)]
     points, normals, colours, confidence, measured = (np.concatenate(parts) for parts in zip(*samples, strict=True))
     if len(points) == 0:
-        raise _nothing()
-    points, normals, colours, confidence, surest = _fused(
+        return ObservedGeometry.none(len(captures))
+    points, normals, colours, confidence, surest = one_a_voxel(
         points, normals, colours, confidence, settings.point_spacing_m
     )
     measured = measured[surest]
@@ -59,7 +58,7 @@ def observe(
     kept = (seen >= _MIN_DENSE_VIEWS) | (measured & (seen >= 1))
     kept[kept] = _dense_enough(points[kept])
     if not kept.any():
-        raise _nothing()
+        return ObservedGeometry.none(len(captures))
     dense = ObservedGeometry(
         points[kept].astype(np.float32),
         normals[kept].astype(np.float32),
@@ -71,12 +70,14 @@ def observe(
     return dense if sparse is None else _with_sparse(dense, sparse, depth_maps, settings)
 
 
-def _nothing() -> GeometryError:
-    return GeometryError(
-        "no depth is supported by two photographs",
-        where="observed geometry",
-        cure="Check the poses, or add photographs that overlap more.",
-    )
+def require_observed(observed: ObservedGeometry) -> None:
+    """Raise GeometryError where there is no point at all."""
+    if not len(observed.points):
+        raise GeometryError(
+            "no depth is supported by two photographs",
+            where="observed geometry",
+            cure="Check the poses, or add photographs that overlap more.",
+        )
 
 
 def _samples(
@@ -98,11 +99,11 @@ def _samples(
     return camera.unproject(reliable)[mask], depth_map.normal[mask], image[mask], confidence, measured
 
 
-def _fused(
+def one_a_voxel(
     points: np.ndarray, normals: np.ndarray, colours: np.ndarray, confidence: np.ndarray, spacing_m: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """One point a voxel: the mean of its points by confidence, of the surest one's side; with the surest's
-    index among all."""
+    """Points (n, 3), normals (n, 3), colours (n, 3) and confidence (n,), one a voxel: the mean of its points by
+    confidence, of the surest one's side; with the surest's index (n,) among all."""
     cells = np.floor(points / spacing_m).astype(np.int64)
     order = np.lexsort((-confidence, cells[:, 2], cells[:, 1], cells[:, 0]))
     cells = cells[order]
@@ -154,10 +155,4 @@ def _with_sparse(
     towards = (seen[..., None] * centres).sum(axis=1) / seen.sum(axis=1, keepdims=True) - points
     normals = towards / np.linalg.norm(towards, axis=1, keepdims=True)
     confidence = np.full(len(points), _SPARSE_CONFIDENCE)
-    extra = (points, normals, sparse.colours[added] / 255.0, seen, confidence, np.zeros(len(points), bool))
-    return ObservedGeometry(
-        *(
-            np.concatenate([getattr(dense, f.name), part.astype(getattr(dense, f.name).dtype)])
-            for f, part in zip(fields(dense), extra, strict=True)
-        )
-    )
+    return dense.joined(ObservedGeometry(points, normals, sparse.colours[added] / 255.0, seen, confidence))

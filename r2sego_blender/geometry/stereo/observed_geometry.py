@@ -18,6 +18,8 @@ FARTHEST_M = 1e6
 LONGEST_UNIT = 1.001
 """A unit vector's longest component, as it is rounded."""
 
+_KINDS = ("measured", "estimated")
+
 
 @dataclass(frozen=True)
 class ObservedGeometry:
@@ -26,7 +28,8 @@ class ObservedGeometry:
     ``points`` (P, 3) float32 metres; ``normals`` (P, 3) float32 unit, towards the free
     side; ``colours`` (P, 3) float32 in [0, 1]; ``visibility`` (P, N) bool, A_obs: the
     captures that see the point; ``confidence`` (P,) float32 in [0, 1]; ``measured`` (P,) bool,
-    whether its depth is a sensor's.
+    whether its depth is a sensor's; ``estimated`` (P,) bool, whether it is an estimator's, of a capture that
+    shares next to nothing with others.
     """
 
     points: np.ndarray
@@ -35,22 +38,39 @@ class ObservedGeometry:
     visibility: np.ndarray
     confidence: np.ndarray
     measured: np.ndarray = None  # type: ignore[assignment]  # until it is made
+    estimated: np.ndarray = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
-        if self.measured is None:
-            object.__setattr__(self, "measured", np.zeros(len(self.points), bool))
+        for name in _KINDS:
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, np.zeros(len(self.points), bool))
+
+    @staticmethod
+    def none(captures: int) -> ObservedGeometry:
+        """No point, of so many captures that support none."""
+        nothing = np.zeros((0, 3), np.float32)
+        return ObservedGeometry(nothing, nothing, nothing, np.zeros((0, captures), bool), np.zeros(0, np.float32))
+
+    def joined(self, other: ObservedGeometry) -> ObservedGeometry:
+        """These points, then the others."""
+        return ObservedGeometry(
+            *(
+                np.concatenate([own := getattr(self, field.name), getattr(other, field.name).astype(own.dtype)])
+                for field in fields(self)
+            )
+        )
 
     def save(self, path: Path) -> None:
-        """Write the arrays as an uncompressed ``.npz``; what no sensor measured says nothing of it."""
+        """Write the arrays as an uncompressed ``.npz``; where nothing is of a kind, that says nothing of it."""
         arrays = {field.name: getattr(self, field.name) for field in fields(self)}
-        save_arrays(path, **(arrays if self.measured.any() else {k: v for k, v in arrays.items() if k != "measured"}))
+        save_arrays(path, **{name: held for name, held in arrays.items() if name not in _KINDS or held.any()})
 
     @staticmethod
     def load(path: Path) -> ObservedGeometry:
         """Read what ``save`` wrote. Raises GeometryError when the file is none of it."""
         with opened_arrays(path, GeometryError, "this is not observed geometry") as data:
             names = [field.name for field in fields(ObservedGeometry)]
-            arrays = {name: data[name] for name in names if name != "measured" or name in data}
+            arrays = {name: data[name] for name in names if name not in _KINDS or name in data}
             require_shapes(arrays, points="P 3", normals="P 3", colours="P 3", visibility="P N", confidence="P")
             require_between(-FARTHEST_M, FARTHEST_M, points=arrays["points"])
             require_between(-LONGEST_UNIT, LONGEST_UNIT, normals=arrays["normals"])
@@ -58,9 +78,10 @@ class ObservedGeometry:
             if arrays["visibility"].dtype != np.bool_:
                 raise ValueError("visibility is not yes or no")
             observed = ObservedGeometry(**arrays)
-            require_shapes(vars(observed), points="P 3", measured="P")
-            if observed.measured.dtype != np.bool_:
-                raise ValueError("measured is not yes or no")
+            require_shapes(vars(observed), points="P 3", **dict.fromkeys(_KINDS, "P"))
+            for name in _KINDS:
+                if getattr(observed, name).dtype != np.bool_:
+                    raise ValueError(f"{name} is not yes or no")
             return observed
 
 

@@ -103,7 +103,7 @@ class ColouringKind:
 COLOURINGS: Mapping[str, ColouringKind] = {
     "PROVENANCE": ColouringKind(
         "Provenance",
-        "Capture grey was observed, prior teal is a shape prior, amber was completed, mauve estimated",
+        "Grey was observed, blue measured by a sensor, teal is a shape prior, amber was completed, mauve estimated",
         _by_provenance,
     ),
     "SUPPORT": ColouringKind("Support", "How many captures see a face", _by_support),

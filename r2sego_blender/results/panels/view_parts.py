@@ -18,7 +18,7 @@ KINDS = {
     "asset": "the asset as the view sees it, where it was rendered",
     "depth": "the proxy's depth, light near, dark far",
     "normal": "the proxy's normals in the camera's axes",
-    "provenance": "where the geometry comes from: grey observed, teal prior, amber completed, mauve estimated",
+    "provenance": "what geometry is by: grey observed, blue measured, teal prior, amber completed, mauve estimated",
     "points": "the captures' colours on the proxy",
     "reference": "the photograph the clip starts at",
     "clip": "a frame of the generated clip",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..protocol.serving import Answer, Request, Tell
-from .loading import Loaded, device_of, packages_of, run, version_of, weights_file
+from .loading import Loaded, device_of, numbers, packages_of, run, version_of, weights_file
 
 _LABEL = "Depth Anything 3"
 _SERIES = ("0.0", "0.1")
@@ -56,8 +56,8 @@ def depth(request: Request, progress: Tell) -> Answer:
         {
             "depth": np.asarray(said.depth, np.float32),
             "confidence": np.asarray(said.conf, np.float32),
-            "intrinsics": np.asarray(said.intrinsics, np.float64),
-            "camera_from_world": np.asarray(said.extrinsics, np.float64)[:, :3],
+            "intrinsics": numbers(said.intrinsics),
+            "camera_from_world": numbers(said.extrinsics)[:, :3],
         },
     )
 

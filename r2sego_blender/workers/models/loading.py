@@ -11,6 +11,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..protocol.serving import RANDOM, Request, Task, UnusableError, file_digest, serve
 
 FETCH, CHECK = "--fetch", "--check"
@@ -79,6 +81,12 @@ def files_digest(files: Sequence[Path]) -> str:
     for file in files:
         digest.update(file_digest(file).encode())
     return digest.hexdigest()
+
+
+def numbers(values: Any) -> np.ndarray:
+    """Float64, 0 for what is no number: a camera that a model does not find must not cost its depth."""
+    array = np.asarray(values, np.float64)
+    return np.where(np.isfinite(array), array, 0.0)
 
 
 class Loaded:

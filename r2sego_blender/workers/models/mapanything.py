@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..protocol.serving import Answer, Request, Tell, UnusableError
-from .loading import Loaded, device_of, packages_of, run, version_of, weights_file
+from .loading import Loaded, device_of, numbers, packages_of, run, version_of, weights_file
 
 _LABEL = "MapAnything"
 _SERIES = ("1.1",)
@@ -57,17 +57,17 @@ def depth(request: Request, progress: Tell) -> Answer:
         f"{_LABEL} {version}",
         digest,
         {
-            "depth_z": np.stack([_numbers(one["depth_z"])[..., 0] for one in said]),
-            "confidence": np.stack([_numbers(one["conf"]) for one in said]),
-            "intrinsics": np.stack([_numbers(one["intrinsics"]) for one in said]).astype(np.float64),
-            "camera_poses": np.stack([_numbers(one["camera_poses"]) for one in said]).astype(np.float64),
+            "depth_z": np.stack([_one(one["depth_z"])[..., 0] for one in said]),
+            "confidence": np.stack([_one(one["conf"]) for one in said]),
+            "intrinsics": numbers([_one(one["intrinsics"]) for one in said]),
+            "camera_poses": numbers([_one(one["camera_poses"]) for one in said]),
         },
     )
 
 
-def _numbers(batch_of_one: Any) -> np.ndarray:
-    numbers: np.ndarray = batch_of_one[0].float().cpu().numpy()
-    return numbers
+def _one(batch_of_one: Any) -> np.ndarray:
+    found: np.ndarray = batch_of_one[0].float().cpu().numpy()
+    return found
 
 
 def main(*arguments: str) -> None:

@@ -13,7 +13,7 @@ from .loading import Loaded, device_of, packages_of, run, version_of, weights_fi
 _LABEL = "MoGe-2"
 _SERIES = ("2.0",)
 _REPOSITORY = "Ruicheng/moge-2-vitb-normal"
-_STACK = {"dim_res_blocks": (32, 32, 32, 32, 32), "num_res_blocks": 0, "resamplers": "bilinear"}
+_STACK = {"dim_res_blocks": (32, 32, 32, 32, 32), "num_res_blocks": 0, "resamplers": ("bilinear",) * 4}
 _HEAD = {**_STACK, "dim_in": (32, 32, 32, 32, 32)}
 _TINY = {
     "encoder": {"backbone": "dinov2_vits14", "intermediate_layers": [5, 11], "dim_out": 32},

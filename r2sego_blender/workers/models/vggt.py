@@ -1,6 +1,6 @@
 """VGGT asked through ``VGGT``'s forward: see ``geometry.estimators.vggt``.
 
-Its package, or the copy of it in map-anything.
+Its package, or the copy of it in map-anything, which takes DINOv2 from torch.hub, or from its cache once it is there.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..protocol.serving import Answer, Request, Tell
-from .loading import Loaded, device_of, packages_of, run, weights_file
+from .loading import Loaded, device_of, numbers, packages_of, run, weights_file
 
 _LABEL = "VGGT"
 REPOSITORY = "facebook/VGGT-1B"
@@ -31,8 +31,16 @@ def _load(name: str, random: bool) -> Any:
     network = _published("models.vggt").VGGT
     import torch
 
-    made = network() if random else network.from_pretrained(REPOSITORY)
+    made = _small(network) if random else network.from_pretrained(REPOSITORY)
     return made.to(device_of(torch)).eval()
+
+
+def _small(network: Any) -> Any:
+    """It with random weights, of as few blocks as it can be made with: its own package knows one size."""
+    try:
+        return network(depth=4, intermediate_layer_idx=[0, 1, 2, 3])
+    except TypeError:
+        return network()
 
 
 def _weights(name: str) -> Path:
@@ -63,8 +71,8 @@ def depth(request: Request, progress: Tell) -> Answer:
         {
             "depth": said["depth"][0, ..., 0].float().cpu().numpy(),
             "confidence": said["depth_conf"][0].float().cpu().numpy(),
-            "intrinsics": intrinsics[0].double().cpu().numpy(),
-            "camera_from_world": camera_from_world[0].double().cpu().numpy(),
+            "intrinsics": numbers(intrinsics[0].cpu()),
+            "camera_from_world": numbers(camera_from_world[0].cpu()),
         },
     )
 

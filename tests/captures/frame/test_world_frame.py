@@ -19,6 +19,7 @@ from r2sego_blender.captures.frame.ground import _contrast, _contrast_of_paralle
 from r2sego_blender.captures.frame.scale import Scale, require_marker
 from r2sego_blender.captures.frame.world_frame import register
 from r2sego_blender.captures.importing import Imported
+from r2sego_blender.captures.sparse_points import SparsePoints
 from r2sego_blender.config.settings import CaptureSettings
 from r2sego_blender.core.cameras import Camera, look_at, rotation_angle_rad
 from r2sego_blender.core.errors import CaptureError
@@ -53,6 +54,18 @@ def _held(rng, count=6):
         centre = np.array([2.2 * np.sin(angle), -2.2 * np.cos(angle), 1.5 + rng.normal(0, 0.04)])
         pose = look_at(centre, [0, 0.6, rng.uniform(0.4, 0.9)])
         roll = Rotation.from_euler("z", rng.normal(0, 2.5), degrees=True).as_matrix()
+        pose[:3, :3] = pose[:3, :3] @ roll
+        cameras.append(LENS.at(pose))
+    return cameras
+
+
+def _level(rng, count=6):
+    """Cameras all around, rolled by half a degree."""
+    cameras = []
+    for angle in np.linspace(0.0, 2.0 * np.pi, count, endpoint=False):
+        centre = np.array([0.3 * np.cos(angle), 0.3 * np.sin(angle), 1.5 + rng.normal(0, 0.04)])
+        pose = look_at(centre, [3.0 * np.cos(angle), 3.0 * np.sin(angle), 0.8])
+        roll = Rotation.from_euler("z", rng.normal(0, 0.5), degrees=True).as_matrix()
         pose[:3, :3] = pose[:3, :3] @ roll
         cameras.append(LENS.at(pose))
     return cameras
@@ -102,6 +115,30 @@ def test_any_similarity_of_the_capture_frame_is_undone(seed, scale):
             )
             < 1.0
         )
+
+
+@settings(max_examples=12, deadline=None)
+@given(seed=st.integers(0, 10**6), turn_deg=st.floats(0.0, 360.0), height_m=st.floats(0.5, 2.5))
+def test_without_a_point_the_floor_lies_the_given_height_under_the_first_camera(seed, turn_deg, height_m):
+    rng = np.random.default_rng(seed)
+    turned = np.eye(4)
+    turned[:3, :3] = Rotation.from_euler("z", turn_deg, degrees=True).as_matrix()
+    turned[:3, 3] = rng.uniform(-5, 5, 3)
+    captures = tuple(Capture(f"p{i}", None, one).transformed(turned) for i, one in enumerate(_level(rng)))
+    scale = Scale.camera_height(height_m)
+    found = register(Imported(captures, "test", True), SparsePoints.none(len(captures)), scale, SETTINGS)
+    world = found.captures(captures)
+    assert np.abs(world[0].camera.centre - [0.0, 0.0, height_m]).max() < 1e-9
+    assert abs(np.linalg.det(found.world_from_capture[:3, :3]) - 1.0) < 1e-9
+    rises = [b.camera.centre[2] - a.camera.centre[2] for a, b in zip(captures, world, strict=True)]
+    assert np.ptp(rises) < 1e-9  # an axis of the poses is up, whatever the cameras' roll
+
+
+def test_without_a_point_poses_of_no_unit_are_refused(rng):
+    captures = tuple(Capture(f"p{i}", None, camera) for i, camera in enumerate(_held(rng)))
+    for scale in (Scale(), Scale.camera_height(1.4)):
+        with pytest.raises(CaptureError, match="scale"):
+            register(Imported(captures, "test", False), SparsePoints.none(len(captures)), scale, SETTINGS)
 
 
 def test_the_same_points_give_the_same_registration(rng):

@@ -17,6 +17,8 @@ from r2sego_blender.geometry.estimators.aligned_depth import AlignedDepth
 from r2sego_blender.geometry.estimators.aligning import align_estimates
 from r2sego_blender.geometry.estimators.alignment import aligned, fitted
 from r2sego_blender.geometry.estimators.estimated_depth import EstimatedDepth
+from r2sego_blender.geometry.estimators.floor import floor_depth as depth_of_floor
+from r2sego_blender.geometry.estimators.floor import floor_in
 from r2sego_blender.geometry.stereo.evidence import KnownDepth
 
 COUNT = 5
@@ -136,8 +138,36 @@ def test_what_nothing_can_align_is_left_out_and_named(room):
     assert len(told.warnings) == 1 and "3.png" in told.warnings[0]
     assert not any(one.depth.any() for one in found)
     told = Told()
-    align_estimates(captures, NO_POINTS, nothing, [estimate(depth) for depth in depths], told)
+    above = [estimate(np.where(depth_of_floor(one.camera) > 0.0, 0.0, d)) for one, d in zip(known, depths, strict=True)]
+    align_estimates(captures, NO_POINTS, nothing, above, told)
     assert len(told.warnings) == COUNT
+
+
+def test_the_floor_alone_aligns_what_shares_nothing(room):
+    captures, depths, known = room
+    rng = np.random.default_rng(8)
+    nothing = [KnownDepth(one.camera, np.zeros_like(one.depth)) for one in known]
+    scales = (0.1, 0.5, 1.0, 3.0, 70.0)
+    maps = [estimate(factor * disturbed(depth, rng)) for factor, depth in zip(scales, depths, strict=True)]
+    told = Told()
+    found = align_estimates(captures, NO_POINTS, nothing, maps, told)
+    assert not told.warnings
+    for one, true in zip(found, depths, strict=True):
+        kept = one.depth > 0.0
+        off = np.abs(np.log(one.depth[kept] / true[kept]))
+        assert kept.mean() > 0.8 and np.median(off) < 0.05
+        assert (off < 2.0 * one.sigma[kept]).mean() > 0.8
+
+
+def test_what_is_floor_is_told_by_what_lies_on_it_and_nothing_under_it(room):
+    _, depths, known = room
+    for view, true in zip(known, depths, strict=True):
+        camera = view.camera
+        on_floor = np.abs(camera.unproject(true)[..., 2]) < 0.01
+        found = floor_in(5.0 * true, camera) > 0.0
+        assert on_floor[found].mean() > 0.98
+        assert found[on_floor].mean() > 0.7
+    assert not floor_in(np.where(depth_of_floor(camera) > 0.0, 0.0, true), camera).any()
 
 
 def test_sparse_points_alone_align(room):

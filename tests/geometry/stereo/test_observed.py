@@ -14,7 +14,7 @@ from r2sego_blender.config.settings import StereoSettings
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import GeometryError
 from r2sego_blender.core.images import save_image
-from r2sego_blender.geometry.stereo.observed import observe
+from r2sego_blender.geometry.stereo.observed import observe, require_observed
 from r2sego_blender.geometry.stereo.observed_geometry import ObservedGeometry
 from r2sego_blender.geometry.stereo.stereo import DepthMap
 
@@ -122,5 +122,7 @@ def test_observed_geometry_comes_back_from_its_file(wall, tmp_path: Path) -> Non
 def test_no_supported_depth_is_an_error(wall) -> None:
     captures, maps = wall
     alone = [replace(m, support=np.zeros_like(m.support)) for m in maps]
+    observed = observe(captures, alone, None, SETTINGS)
+    assert not len(observed.points) and observed.visibility.shape == (0, len(captures))
     with pytest.raises(GeometryError, match="two photographs"):
-        observe(captures, alone, None, SETTINGS)
+        require_observed(observed)
