@@ -43,7 +43,10 @@ class Step:
 
 
 class Runner:
-    """Runs steps on a scene. Another strategy, as ``Plan``, does something else in ``do``."""
+    """Runs steps on a scene. Another strategy, as ``Plan``, does something else in ``do``; ``makes`` is whether what
+    steps publish is there afterwards."""
+
+    makes = True
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -136,6 +139,8 @@ class Plan(Runner):
 
     A step whose input is redone counts as redone; should the input come out the same, it is kept.
     """
+
+    makes = False
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene)

@@ -23,6 +23,7 @@ from ..captures.sparse_points import SPARSE, SparsePoints
 from ..captures.store import CAPTURES
 from ..config.settings import Settings
 from ..core.cameras import Camera
+from ..core.errors import R2SEgoError
 from ..core.progress import Progress
 from ..geometry.estimators.aligned_depth import ESTIMATED, AlignedDepth
 from ..geometry.estimators.aligning import CARRIED, align_estimates
@@ -260,7 +261,6 @@ class CaptureSteps:
         """The depth in the world's metres that the bundle's estimator gives, and the room's layout where hardly
         anything is known; nothing where there is neither."""
         recorded = [ESTIMATES] if (self.runner.scene.path / ESTIMATES.name).is_dir() else []
-        by_layout = self._needs_layout
 
         def align(
             captures: Captures,
@@ -273,18 +273,18 @@ class CaptureSteps:
             aligned = align_estimates(
                 captures, sparse, trusted, found[0] if found else [None] * len(captures), self.progress
             )
-            if by_layout:
+            if self._needs_layout(self._known_of(depth.of(captures))):
                 aligned = with_layout(aligned, self._carried(captures, depth), captures, trusted, self.progress)
             return by_file(captures, aligned)
 
-        if not recorded and not by_layout:
+        if not recorded and not self._needs_layout(self._known):
             return []
         estimated = self._make(
             ESTIMATED,
             align,
             *captures,
             *recorded,
-            settings=[self.h.stereo, by_layout] if by_layout else self.h.stereo,
+            settings=self.h.stereo if self.h.proxy.layout == "auto" else [self.h.stereo, self.h.proxy.layout],
             fits=lambda maps, captures, *_: maps.of(captures),
         )
         return [estimated]
@@ -293,17 +293,24 @@ class CaptureSteps:
         """The estimated depth where it carries a capture, else nothing."""
         return self._estimated(captures) if (self._known < CARRIED).any() else []
 
-    @property
-    def _needs_layout(self) -> bool:
-        """Whether so little is known of all captures that the room's layout has to say something."""
-        return self.h.proxy.layout == "auto" and len(self._known) > 0 and float(self._known.mean()) < CARRIED
+    def _needs_layout(self, known: np.ndarray) -> bool:
+        """Whether so little is ``known`` (N,) of all captures that the room's layout has to say something."""
+        return self.h.proxy.layout == "auto" and len(known) > 0 and float(known.mean()) < CARRIED
 
     @cached_property
     def _known(self) -> np.ndarray:
-        """(N,) the share of each capture's pixels that stereo and sensors know; of none while they are not made."""
+        """(N,) the share of each capture's pixels that stereo and sensors know; of none while they are not made, and
+        where it is only looked at what would be and nothing was estimated."""
         scene = self.runner.scene
-        made = (scene.path / DEPTH.name).is_dir()
-        return self._known_of(scene.read(DEPTH).of(scene.read(CAPTURES))) if made else np.zeros(0)
+        needed = [DEPTH.name] if self.runner.makes else [DEPTH.name, ESTIMATED.name]
+        if not all((scene.path / name).is_dir() for name in needed):
+            return np.zeros(0)
+        try:
+            return self._known_of(scene.read(DEPTH).of(scene.read(CAPTURES)))
+        except R2SEgoError:
+            if self.runner.makes:
+                raise
+            return np.zeros(0)  # what is damaged is made anew, and told as that
 
     def _carried(self, captures: Captures, depth: PerCapture[DepthMap]) -> np.ndarray:
         return self._known_of(depth.of(captures)) < CARRIED
