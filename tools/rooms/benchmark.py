@@ -6,8 +6,8 @@
 ``DEVELOPMENT`` rooms may be tuned on; ``EVALUATION`` rooms are for evaluation alone. Each gets a folder: 45
 captures of one walk, of which 6, 10, 15 and 30 are the smaller sets (``cameras_6.json`` ...), six around the room
 that hardly overlap (``cameras_around.json``), and sixteen frozen views, eight farthest from the captures and eight
-of a robot's routine. Poses, depth, instances and mesh are as ``tools.rooms`` says. Pictures that are there are not
-rendered again, so that a run that was ended goes on.
+of a robot's routine, fixed by their SHA-256 in ``fixed.json`` before any picture is made. Poses, depth, instances
+and mesh are as ``tools.rooms`` says. Pictures that are there are not rendered again: a run that was ended goes on.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from r2sego_blender.core.cameras import Camera
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 
 from .around import lens_of
-from .folder import seen_view, write_room
+from .folder import require_same, seen_view, views_digest, write_room
 from .free_floor import FreeFloor, free_floor
 from .furnished import development_styles, evaluation_styles
 from .furnished.plan import RoomPlan, room_plan
@@ -112,8 +112,15 @@ def make_room(room: BenchmarkRoom, folder: Path, options: argparse.Namespace) ->
     frozen = [*named["farthest"], *named["routine"]]
     sets = {str(size): [named["walk"][i] for i in chosen] for size, chosen in nested_sets().items()}
     sets["around"] = named["around"]
-    sets = {name: sets[name] for name in sets if name in options.sets}
+    others = {name: sets.pop(name) for name in tuple(sets) if name not in options.sets}
     placed_s = time.monotonic() - started_s
+    fixed = {
+        "plan_sha256": plan.digest(),
+        "captures_sha256": views_digest([*named["walk"], *named["around"]]),
+        "frozen_sha256": views_digest(frozen),
+        "samples": options.samples,
+    }
+    require_same(folder, fixed)
     pictures.set_up(lens, options.samples)
     wanted = {view.name: view for views in sets.values() for view in views}
     rendered = 0
@@ -128,9 +135,8 @@ def make_room(room: BenchmarkRoom, folder: Path, options: argparse.Namespace) ->
         "room": room.name,
         "for": "development" if room in DEVELOPMENT else "evaluation alone",
         "seed": room.seed,
-        "plan_sha256": plan.digest(),
+        **fixed,
         "walk_share": room.share,
-        "samples": options.samples,
         "seconds": {
             "built": round(built_s, 1),
             "placed": round(placed_s, 1),
@@ -138,8 +144,8 @@ def make_room(room: BenchmarkRoom, folder: Path, options: argparse.Namespace) ->
         },
         "rendered": rendered,
     }
-    info = write_room(folder, truth, sets, frozen, told)
-    gaps = ", ".join(f"{name}: {info[name]['support_gap']:.0%}" for name in sets if len(sets) > 1)
+    info = write_room(folder, truth, sets, frozen, told, others)
+    gaps = ", ".join(f"{name}: {info[name]['support_gap']:.0%}" for name in (*sets, *others))
     print(f"{folder}: {info['seconds']['all']} s for {rendered} pictures; support gap {gaps}", flush=True)
 
 
@@ -149,7 +155,9 @@ def parse_options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--to", type=Path, required=True, help="the folder of the rooms' folders")
     parser.add_argument("--room", nargs="+", choices=tuple(ROOMS), default=tuple(ROOMS))
-    parser.add_argument("--sets", nargs="+", choices=names, default=names, help="capture sets to render")
+    parser.add_argument(
+        "--sets", nargs="+", choices=names, default=names, help="capture sets to write; the others are measured alone"
+    )
     parser.add_argument("--width", type=int, default=320, help="pixels across")
     parser.add_argument("--samples", type=int, default=6, help="Cycles samples a pixel")
     parser.add_argument("--plans-only", action="store_true", help="no pictures: poses, depth and figures")

@@ -12,7 +12,8 @@ import numpy as np
 import trimesh
 
 from r2sego_blender.core.cameras import Camera
-from r2sego_blender.core.json_files import write_json
+from r2sego_blender.core.errors import EvaluationError
+from r2sego_blender.core.json_files import read_json, write_json
 from r2sego_blender.evaluation.ground_truth import GroundTruth, TrueView, save_ground_truth
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 
@@ -46,13 +47,18 @@ def seen_view(name: str, camera: Camera, surface: MeshRasterizer, room: TrueRoom
 
 
 def write_room(
-    folder: Path, room: TrueRoom, sets: Mapping[str, Sequence[View]], frozen: Sequence[View], told: Mapping[str, Any]
+    folder: Path,
+    room: TrueRoom,
+    sets: Mapping[str, Sequence[View]],
+    frozen: Sequence[View],
+    told: Mapping[str, Any],
+    only_measured: Mapping[str, Sequence[View]] | None = None,
 ) -> dict[str, Any]:
     """Write all but the pictures, which lie there as ``photographs/NAME.png`` and ``frozen/NAME.png``.
 
-    ``sets`` of captures by name; views may be in several. Their first set's poses are ``cameras.json`` with the
-    truth of all; where there are more, each has ``cameras_SET.json`` too, and ``cameras.json`` has all views.
-    What ``info.json`` says is returned: ``told``, and what is measured of the views.
+    ``sets`` of captures by name; views may be in several. ``cameras.json`` has all their views; where there are
+    more sets than one, each has its ``cameras_SET.json`` too. Sets that are ``only_measured`` have no pictures.
+    What ``info.json`` says is returned: ``told``, and what is measured of every set.
     """
     captures = list({view.name: view for views in sets.values() for view in views}.values())
     _write_cameras(folder / "cameras.json", captures, frozen)
@@ -67,16 +73,29 @@ def write_room(
     trimesh.Trimesh(room.vertices, room.faces, process=False).export(folder / "mesh.ply")
     lens = captures[0].camera.to_json()
     del lens["world_from_camera"]
-    measured = {name: measured_set(views, frozen) for name, views in sets.items()}
+    measured = {name: measured_set(views, frozen) for name, views in {**sets, **(only_measured or {})}.items()}
     info = {
         **told,
         "lens": lens,
         **(measured if len(measured) > 1 else next(iter(measured.values()))),
         "frozen": len(frozen),
-        "frozen_sha256": frozen_digest(frozen),
+        "frozen_sha256": views_digest(frozen),
     }
     write_json(folder / "info.json", info)
     return info
+
+
+def require_same(folder: Path, fixed: Mapping[str, Any]) -> None:
+    """Write what is fixed before any picture is made into ``fixed.json``, or compare it with what is there.
+
+    Raises EvaluationError where a folder's pictures are of something else: they would be kept for this.
+    """
+    file = folder / "fixed.json"
+    if not file.is_file():
+        folder.mkdir(parents=True, exist_ok=True)
+        write_json(file, dict(fixed))
+    elif read_json(file) != dict(fixed):
+        raise EvaluationError("the folder has pictures of another room", where=file, cure="Give another folder.")
 
 
 def measured_set(captures: Sequence[View], frozen: Sequence[View]) -> dict[str, float]:
@@ -103,10 +122,10 @@ def _write_cameras(file: Path, captures: Sequence[View], frozen: Sequence[View])
     write_json(file, {**lens, **poses})
 
 
-def frozen_digest(frozen: Sequence[View]) -> str:
-    """The SHA-256 of the frozen views' names, lenses and poses, in their order: fixed before anything runs."""
+def views_digest(views: Sequence[View]) -> str:
+    """The SHA-256 of views' names, lenses and poses, in their order: of what is fixed before anything runs."""
     digest = hashlib.sha256()
-    for view in frozen:
+    for view in views:
         camera = view.camera
         lens = [camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy]
         digest.update(view.name.encode() + b"\0")

@@ -16,10 +16,12 @@ from PIL import Image
 
 from r2sego_blender.captures.poses.cameras_json import read_cameras_json, read_frozen
 from r2sego_blender.core.cameras import Camera
+from r2sego_blender.core.errors import EvaluationError
 from r2sego_blender.core.images import load_image
 from r2sego_blender.evaluation.ground_truth import GroundTruth, load_ground_truth
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 from tools.rooms.benchmark import DEVELOPMENT, EVALUATION, ROOMS
+from tools.rooms.folder import require_same
 from tools.rooms.furnished.furniture import KINDS
 from tools.rooms.placing import MOST_OVERLAP
 from tools.rooms.walking import NESTED, apart
@@ -63,6 +65,9 @@ def test_the_same_seed_gives_the_same_bytes_and_pictures_of_few_pixels(folder, t
     assert poses(again, "cameras.json").keys() == poses(folder, "cameras_around.json").keys()
     first, second = (json.loads((one / "info.json").read_text()) for one in (folder, again))
     assert first["frozen_sha256"] == second["frozen_sha256"]
+    assert first["captures_sha256"] == second["captures_sha256"]
+    for name in (*map(str, NESTED), "around"):  # measured, whether its pictures are made or not
+        assert first[name] == second[name]
     assert first["plan_sha256"] == second["plan_sha256"] == ROOM.plan().digest()
     assert second["rendered"] == 6 + 16
     pictures = [load_image(file) for place in ("photographs", "frozen") for file in (again / place).glob("*.png")]
@@ -136,6 +141,15 @@ def test_sets_are_nested_and_their_figures_stand_in_the_folder(folder):
     assert info["around"]["captures"] == 6
     assert info["around"]["overlap"] <= MOST_OVERLAP
     assert not set(poses(folder, "cameras_around.json")) & sets[-1]
+    fixed = json.loads((folder / "fixed.json").read_text())
+    assert {key: info[key] for key in fixed} == fixed
+
+
+def test_a_folder_with_pictures_of_another_room_is_refused(tmp_path):
+    require_same(tmp_path / "room", {"plan_sha256": "a"})
+    require_same(tmp_path / "room", {"plan_sha256": "a"})
+    with pytest.raises(EvaluationError):
+        require_same(tmp_path / "room", {"plan_sha256": "b"})
 
 
 def test_six_rooms_of_six_styles_three_of_them_for_evaluation_alone():
