@@ -20,6 +20,8 @@ from ..workers.learned_backends import LEARNED_BACKENDS
 LEARNED = tuple(one.name for one in LEARNED_BACKENDS.values() if one.slot == ESTIMATOR)
 """The models of the estimator's slot, by their names."""
 
+_ASKED = (*LEARNED, "worker")
+
 
 def record_depth(scene: Scene, folder: Path, inverse: bool = False) -> Scene:
     """Take the maps of ``folder`` into the bundle, in place of those that are there; the scene as declared then.
@@ -36,9 +38,9 @@ def estimate_depth(scene: Scene, backend: str, progress: Progress = SILENT) -> S
     The scene as declared then: with the name and version that the model told. Raises MachineError where it is not
     set up here, SettingsError for a name of none, and changes nothing then.
     """
-    if backend not in LEARNED:
+    if backend not in _ASKED:
         raise SettingsError(
-            f"there is no depth estimator {backend}", where="--backend", cure=f"Name one of {', '.join(LEARNED)}."
+            f"there is no depth estimator {backend}", where="--backend", cure=f"Name one of {', '.join(_ASKED)}."
         )
     return _recorded(scene, depth_estimator(backend, backend=backend, progress=progress))
 

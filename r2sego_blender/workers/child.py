@@ -21,7 +21,7 @@ from typing import Any
 from ..core.errors import NativeError, R2SEgoError
 from ..core.scratch import ScratchFolder
 from ..core.text_files import write_text
-from .library_path import IMPORT_LIBRARY, LIBRARY, external_variables
+from .library_path import IMPORT_LIBRARY, LIBRARY
 from .processes import die_with_parent
 
 _PACKAGE = __package__.rpartition(".")[0]
@@ -57,20 +57,14 @@ def forget(process: subprocess.Popen) -> None:
 
 
 def call_in_child(
-    function: Callable[[dict], dict],
-    request: dict[str, Any],
-    *,
-    timeout_s: float = 1800.0,
-    python: str = sys.executable,
+    function: Callable[[dict], dict], request: dict[str, Any], *, timeout_s: float = 1800.0
 ) -> dict[str, Any]:
     """Call ``function`` with ``request`` in a new process and return its result.
 
     ``function``, from one JSON-ready dict to another, stands at the top of a module of this
     library, or of one the child can import; large data goes through files named in the request.
-    ``python`` is the interpreter, of another environment if need be: this library is found there
-    by its place, and nothing else of this environment. An R2SEgoError raised inside
-    is raised here again; anything else, an abort or a time-out is a NativeError that carries
-    the last line the process printed.
+    An R2SEgoError raised inside is raised here again; anything else, an abort or a time-out is a
+    NativeError that carries the last line the process printed.
     """
     module = function.__module__
     if module.startswith(f"{_PACKAGE}."):  # a longer one inside Blender
@@ -79,10 +73,10 @@ def call_in_child(
     with ScratchFolder() as folder:
         request_file, manifest = Path(folder, "request.json"), Path(folder, "manifest.json")
         write_text(request_file, json.dumps(request))
-        command = [python, "-c", _CHILD, name, str(request_file), str(manifest)]
+        command = [sys.executable, "-c", _CHILD, name, str(request_file), str(manifest)]
         process = subprocess.Popen(
             command,
-            env=_environment(python, folder),
+            env=_environment(folder),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -114,9 +108,7 @@ def call_in_child(
         return result
 
 
-def _environment(python: str, folder: str) -> dict[str, str]:
-    if python != sys.executable:
-        return external_variables()
+def _environment(folder: str) -> dict[str, str]:
     # What a killed child leaves among its temporary files goes with the request.
     return dict(os.environ) | dict.fromkeys(("TMPDIR", "TEMP", "TMP"), folder)
 

@@ -1,4 +1,4 @@
-"""Generators that are programs: any video model, in whatever environment it needs.
+"""Generators that are programs of a person's own, as workers: any video model, in whatever environment it needs.
 
 The program is started as ``COMMAND FOLDER``; docs/backends.md tells what lies in that folder and
 what it has to write there. It may end after its answer, or wait: then each further line on its
@@ -8,152 +8,98 @@ standard input names the folder of the next clip, so that a large model is loade
 from __future__ import annotations
 
 import contextlib
-import subprocess
-import tempfile
+import stat
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
-from ..core.errors import GenerationError, MachineError, NativeError
-from ..core.json_files import read_json
-from .child import RUNNING, forget
-from .external_environment import PROTOCOL
-from .library_path import external_variables
-from .processes import DYING_WITH_PARENT, end_tree, group_of_its_own
+from ..core.errors import MachineError, NativeError
+from ..core.json_files import read_json, write_json
+from .protocol.asking import Tell
+from .protocol.response import Limits, RefusedRequestError
+from .protocol.running import RunningProgram
+from .protocol.serving import REQUEST_FILE, Answer, write_answer
 
-CLIP_LIMIT_S = 3600.0
-"""Time after which a program without an answer counts as hung, seconds."""
+PROTOCOL = 1
+"""Version of what a generator's program is asked and tells."""
 
-_POLL_S = 0.05
+_FOLDERS = ("frames", "confidence")
 _MOST_BYTES = 1 << 20
+_LONGEST_WORDS = 300
 
 
 class GeneratorProgram:
-    """One generator program, started with the first clip and again after it has ended.
+    """One generator program, started with the first clip and again after it has ended. It serves the task "clip".
 
-    Leaving the context ends it; so do ``child.kill_children`` and, on Linux, this process's end.
+    ``close`` ends it; so do ``child.kill_children`` and this process's end.
     """
 
-    def __init__(self, command: Sequence[str], name: str, cure: str, limit_s: float = CLIP_LIMIT_S) -> None:
+    def __init__(self, command: Sequence[str], name: str, cure: str) -> None:
         """``name`` is where errors are, ``cure`` what they advise when it breaks."""
-        self._command, self._name, self._cure, self._limit_s = list(command), name, cure, limit_s
-        self._process: subprocess.Popen | None = None
-        self._said: IO[bytes] | None = None
+        self.name, self.cure = name, cure
+        self._command = list(command)
+        self._program: RunningProgram | None = None
 
-    def __enter__(self) -> GeneratorProgram:
-        return self
+    def answer(self, request: Path, response: Path, tell: Tell, limits: Limits) -> None:
+        """See ``asking.Worker``: ``request`` is the program's folder, the request's parameters lie beside its fields.
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def answer(self, folder: Path) -> dict[str, Any]:
-        """The result for the request in ``folder``, with ``backend`` and ``frames``.
-
-        Raises GenerationError when the program declines this clip, MachineError when it cannot be
+        Raises RefusedRequestError when the program declines this clip, MachineError when it cannot be
         started or says what it lacks, NativeError when it broke, hung or left no complete result.
         """
-        try:
-            self._ask(folder)
-            result, status = self._await(folder / "result.json")
-            self._check(result, status)
-        except BaseException:
-            self.close()  # what it would still write must not answer the next clip
-            raise
+        began_s = time.monotonic()
+        record = read_json(request / REQUEST_FILE)
+        write_json(request / REQUEST_FILE, {**record, **record["parameters"], "protocol": PROTOCOL})
+        if self._program is not None and self._program.runs:
+            self._program.ask(str(request))
+        else:
+            self.close()
+            self._program = RunningProgram([*self._command, str(request)], self.name, self.cure, "generator")
+        file = request / "result.json"
+        status = self._program.wait(lambda: bool(_read(file).get("waits")), request, tell, limits)
+        result = _read(file)
+        self._check(self._program, result, status)
         if status is not None:
             self.close()
         if "refused" in result:
-            raise GenerationError(f"the generator refused, {result['refused']}", where=self._name)
-        return result
+            refused = str(result["refused"])[:_LONGEST_WORDS]
+            raise RefusedRequestError(f"the generator refused, {refused}", where=self.name)
+        given = Answer(str(result["backend"]), "", _frames(request), {"frames": result["frames"]})
+        write_answer(response, "clip", given, began_s)
 
     def close(self) -> None:
         """End the program and what it started, if it runs."""
-        if self._process is None:
-            return
-        assert self._process.stdin is not None and self._said is not None
-        with contextlib.suppress(OSError):  # a folder that was never read
-            self._process.stdin.close()
-        self._process.kill()
-        self._process.wait()
-        forget(self._process)
-        self._said.close()
-        self._process = None
+        if self._program is not None:
+            self._program.end()
+            self._program = None
 
-    def _ask(self, folder: Path) -> None:
-        if self._process is not None and self._process.poll() is None:
-            assert self._process.stdin is not None
-            with contextlib.suppress(OSError):  # one that has died is told by its missing answer
-                self._process.stdin.write(f"{folder}\n".encode())
-                self._process.stdin.flush()
-            return
-        self.close()
-        # A file, not a pipe: nobody has to read along, and nothing it starts can hold it open.
-        self._said = tempfile.TemporaryFile(prefix="r2sego-")  # noqa: SIM115
-        try:
-            self._process = _Tree(
-                [*self._command, str(folder)],
-                env=external_variables() | {"PYTHONUTF8": "1"},  # it reads names of folders
-                stdin=subprocess.PIPE,
-                stdout=self._said,
-                stderr=subprocess.STDOUT,
-                **DYING_WITH_PARENT,
-                **group_of_its_own(window=False),
-            )
-        except OSError as error:
-            self._said.close()
-            raise MachineError(
-                f"the generator could not be started: {error.strerror}", where=self._name, cure=self._cure
-            ) from error
-        RUNNING.add(self._process)
-
-    def _await(self, file: Path) -> tuple[dict[str, Any], int | None]:
-        """What ``file`` says in the end, {} for nothing, and the exit status, None if it waits."""
-        assert self._process is not None
-        deadline_s = time.monotonic() + self._limit_s
-        while True:
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                status = self._process.wait(timeout=_POLL_S)
-                return _read(file), status
-            result = _read(file)
-            if result.get("waits"):
-                return result, None
-            if time.monotonic() > deadline_s:
-                raise self._broken(f"had no answer after {self._limit_s:.0f} s")
-
-    def _check(self, result: dict[str, Any], status: int | None) -> None:
+    def _check(self, program: RunningProgram, result: dict[str, Any], status: int | None) -> None:
         if "error" in result:
-            raise MachineError(str(result["error"]), where=self._name, cure=result.get("cure") or self._cure)
+            what, cure = (str(result.get(name) or "")[:_LONGEST_WORDS] for name in ("error", "cure"))
+            raise MachineError(what, where=self.name, cure=cure or self.cure)
         if status:
-            killed = f"was killed by signal {-status}"
-            raise self._broken(killed if status < 0 else f"ended with exit status {status}")
+            raise program.ended(status)
         if not result:
-            raise self._broken("left no result.json that can be read")
+            raise program.broken("left no result.json that can be read")
         needed = {"protocol"} if "refused" in result else {"protocol", "backend", "frames"}
         missing = sorted(needed - result.keys())
         if missing or result["protocol"] != PROTOCOL:
             what = f"lacks {', '.join(missing)}" if missing else f"follows protocol {result['protocol']}"
             raise NativeError(
                 f"the result.json of the generator {what}",
-                where=self._name,
+                where=self.name,
                 cure=f"This R2S-EGO follows protocol {PROTOCOL}, see docs/backends.md.",
             )
 
-    def _broken(self, how: str) -> NativeError:
-        cure = f"{self._cure}{self._last_words()}"
-        return NativeError(f"the generator {how}", where=self._name, cure=cure)
 
-    def _last_words(self) -> str:
-        assert self._said is not None
-        self._said.seek(0)
-        lines = [line for line in self._said.read().decode(errors="replace").splitlines() if line.strip()]
-        return f" Its last words: {lines[-1].strip()[:300]}" if lines else ""
-
-
-class _Tree(subprocess.Popen):
-    """A process that is killed with all it started: a model behind a shell script, say."""
-
-    def kill(self) -> None:
-        end_tree(self)
+def _frames(folder: Path) -> dict[str, Path]:
+    """The images that a program left, by their places; a link is none."""
+    found: dict[str, Path] = {}
+    for name in _FOLDERS:
+        if (folder / name).is_dir() and not (folder / name).is_symlink():
+            files = sorted((folder / name).glob("[0-9][0-9][0-9].png"))
+            found |= {f"{name}/{file.name}": file for file in files if stat.S_ISREG(file.lstat().st_mode)}
+    return found
 
 
 def _read(file: Path) -> dict[str, Any]:

@@ -3,48 +3,48 @@
 NKSR needs Linux, an NVIDIA GPU and an older torch than this project's, so it runs in the
 interpreter that the environment variable ``R2SEGO_NKSR_PYTHON`` names, Python 3.10 or 3.11.
 Only its published interface is used: a ``Reconstructor``, points with normals in, the dual
-mesh out. Its code and weights are under a licence of their own, which forbids much.
+mesh out. Its code and weights are under a licence of their own, which forbids much. What runs there is
+``workers.models.nksr``, asked for the task "surface": inputs ``points`` and ``normals``, (P, 3); the parameter
+``voxel_m``; outputs ``vertices`` (V, 3) and ``faces`` (F, 3).
 """
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import TYPE_CHECKING
 
-from ..core.errors import MachineError
-from .child import call_in_child
-from .external_environment import named_python, require_gpu
+from .external_environment import named_python
+from .protocol.asking import ask
+from .protocol.program_worker import ProgramWorker, library_command
+from .protocol.request import Request
+from .protocol.response import Limits
+
+if TYPE_CHECKING:
+    import numpy as np
 
 PYTHON_VARIABLE = "R2SEGO_NKSR_PYTHON"
+_NAME = "NKSR"
+_LIMITS = Limits(seconds=1800.0, silent_s=1800.0)
 _CURE = (
     f"Install nksr (github.com/nv-tlabs/NKSR) with its torch in an environment of its own and set "
     f"{PYTHON_VARIABLE} to that environment's python, or take another backend: --set proxy.surface=tsdf."
 )
 
 
-def reconstruct_externally(cloud: Path, surface: Path, voxel_m: float) -> None:
-    """Write ``surface`` (.npz: vertices, faces) for the ``cloud`` (.npz: points, normals), metres.
+def reconstruct_externally(points: np.ndarray, normals: np.ndarray, voxel_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (V, 3), metres, and faces (F, 3) of the surface of oriented points (P, 3).
 
     Raises MachineError when there is no such environment or NKSR is not in it, NativeError
-    when it ends without a result.
+    when it ends without a right result.
     """
-    python = named_python(PYTHON_VARIABLE, "NKSR", "proxy.surface", _CURE)
-    request = {"cloud": str(cloud), "surface": str(surface), "voxel_m": voxel_m}
-    call_in_child(_reconstruct, request, python=python)
+    from ..core.arrays import require_indices
 
-
-def _reconstruct(request: dict) -> dict:
-    """Runs in the other environment."""
-    try:
-        import nksr
-        import numpy as np
-        import torch
-    except ImportError as error:
-        raise MachineError(f"NKSR is not there: {error}", where=PYTHON_VARIABLE, cure=_CURE) from error
-    require_gpu(torch, "NKSR", PYTHON_VARIABLE, _CURE)
-    device = torch.device("cuda:0")
-    with np.load(request["cloud"]) as data:
-        points, normals = (torch.from_numpy(data[name]).float().to(device) for name in ("points", "normals"))
-    field = nksr.Reconstructor(device).reconstruct(points, normals, voxel_size=request["voxel_m"])
-    mesh = field.extract_dual_mesh(mise_iter=1)
-    np.savez(request["surface"], vertices=mesh.v.cpu().numpy(), faces=mesh.f.cpu().numpy())
-    return {}
+    python = named_python(PYTHON_VARIABLE, _NAME, "proxy.surface", _CURE)
+    request = Request("surface", _NAME, {"voxel_m": voxel_m}, {"points": points, "normals": normals})
+    command = library_command(python, "workers.models.nksr")
+    with ProgramWorker(command, PYTHON_VARIABLE, _CURE) as worker, ask(worker, request, limits=_LIMITS) as response:
+        vertices, faces = response.array("vertices", (None, 3)), response.array("faces", (None, 3), "iu")
+        try:
+            require_indices(len(vertices), faces=faces)
+        except ValueError as error:
+            raise response.wrong(f"gave a surface of which the {error}") from error
+        return vertices, faces

@@ -6,30 +6,31 @@ photograph. Only the published interface is used: ``build_sam3_image_model``, an
 and an NVIDIA GPU, and its weights are given on request, under a licence of their own; it runs
 in the interpreter that the environment variable ``R2SEGO_SAM3_PYTHON`` names.
 
-Request: ``protocol``, ``photographs`` (name -> file), ``vocabulary``, ``least_score``, ``folder``.
-Result: ``protocol``, ``backend`` with its version, and ``masks``, a list of ``photograph``,
-``word``, ``score`` and ``file``, a black and white image in that folder.
+What runs there is ``workers.models.sam3``, asked for the task "masks": inputs ``photograph_000`` and on, (H, W, 3)
+uint8; parameters ``vocabulary`` and ``least_score``; outputs black and white images, of which the value ``masks``
+tells ``output``, ``photograph`` (its number), ``word`` and ``score``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..core.errors import MachineError, NativeError
-from ..core.scratch import ScratchFolder
-from .child import call_in_child
-from .external_environment import PROTOCOL, accepted_version, checked_request, checked_result, named_python, require_gpu
+from ..core.json_files import finite_number
+from .external_environment import named_python
+from .protocol.asking import ask
+from .protocol.program_worker import ProgramWorker, library_command
+from .protocol.request import Request
+from .protocol.response import Limits, Response
 
 if TYPE_CHECKING:
     import numpy as np
 
 PYTHON_VARIABLE = "R2SEGO_SAM3_PYTHON"
 _NAME = "SAM 3"
-_SERIES = ("0.1",)
 _WHITE = 128
+_LIMITS = Limits(seconds=1800.0, silent_s=1800.0)
 _CURE = (
     f"Install sam3 (github.com/facebookresearch/sam3) in an environment of its own, ask for its weights, and "
     f"set {PYTHON_VARIABLE} to that environment's python, or draw the masks: --masks FOLDER."
@@ -54,61 +55,37 @@ def segment_externally(
     Raises MachineError when there is no such environment or SAM 3 is not in it, NativeError
     when it ends without a whole result.
     """
-    from ..core.images import load_image_uint8, save_image
+    from ..core.images import to_uint8
 
     python = named_python(PYTHON_VARIABLE, _NAME, "--segment", _CURE)
-    with ScratchFolder() as folder:
-        files = {name: Path(folder, f"photograph_{k}.png") for k, name in enumerate(photographs)}
-        for name, image in photographs.items():
-            save_image(files[name], image)
-        request = {
-            "protocol": PROTOCOL,
-            "photographs": {name: str(file) for name, file in files.items()},
-            "vocabulary": list(vocabulary),
-            "least_score": least_score,
-            "folder": folder,
-        }
-        result = call_in_child(_segment, request, python=python)
-        checked_result(result, _NAME, ["masks"])
+    names = list(photographs)
+    request = Request(
+        "masks",
+        _NAME,
+        {"vocabulary": list(vocabulary), "least_score": least_score},
+        {f"photograph_{k:03d}": to_uint8(photographs[name]) for k, name in enumerate(names)},
+    )
+    command = library_command(python, "workers.models.sam3")
+    with ProgramWorker(command, PYTHON_VARIABLE, _CURE) as worker, ask(worker, request, limits=_LIMITS) as response:
         found = []
-        for one in result["masks"]:
-            mask = load_image_uint8(Path(one["file"]))[..., 0] >= _WHITE
-            if mask.shape != photographs[one["photograph"]].shape[:2]:
-                raise NativeError(
-                    f"a mask of {_NAME} has not the size of its photograph",
-                    where=one["photograph"],
-                    cure="Update the adapter's environment.",
-                )
-            found.append(FoundMask(one["photograph"], one["word"], float(one["score"]), mask))
-        return result["backend"], tuple(found)
+        for one in response.listed("masks"):
+            try:
+                photograph, word, score = names[int(one["photograph"])], str(one["word"]), finite_number(one["score"])
+            except (LookupError, TypeError, ValueError) as error:
+                raise response.wrong("gave a mask that is of no photograph") from error
+            found.append(FoundMask(photograph, word, score, _mask(response, one, photographs[photograph].shape[:2])))
+        return response.backend, tuple(found)
 
 
-def _segment(request: dict[str, Any]) -> dict[str, Any]:
-    """Runs in the other environment."""
-    checked_request(request)
-    version = accepted_version("sam3", _SERIES, _NAME, PYTHON_VARIABLE, _CURE)
+def _mask(response: Response, told: Mapping[str, Any], shape: tuple[int, ...]) -> np.ndarray:
+    """A mask in its file, (H, W) bool. Raises NativeError unless it has its photograph's ``shape``."""
+    from ..core.errors import CaptureError
+    from ..core.images import load_image_uint8
+
     try:
-        import numpy as np
-        import torch
-        from PIL import Image
-        from sam3.model.sam3_image_processor import Sam3Processor
-        from sam3.model_builder import build_sam3_image_model
-    except ImportError as error:
-        raise MachineError(f"{_NAME} is not there: {error}", where=PYTHON_VARIABLE, cure=_CURE) from error
-    require_gpu(torch, _NAME, PYTHON_VARIABLE, _CURE)
-    masks: list[dict[str, Any]] = []
-    with torch.inference_mode(), torch.autocast("cuda", dtype=torch.bfloat16):
-        processor = Sam3Processor(build_sam3_image_model(), confidence_threshold=request["least_score"])
-        for name, file in request["photographs"].items():
-            with Image.open(file) as image:
-                state = processor.set_image(image.convert("RGB"))
-                size = image.size[::-1]
-            for word in request["vocabulary"]:
-                output = processor.set_text_prompt(state=state, prompt=word)
-                found = output["masks"].float().cpu().numpy().reshape(-1, *size) > 0.5
-                scores = output["scores"].float().cpu().numpy().ravel()
-                for mask, score in zip(found, scores, strict=True):
-                    path = Path(request["folder"], f"mask_{len(masks)}.png")
-                    Image.fromarray(mask.astype(np.uint8) * 255).save(path)
-                    masks.append({"photograph": name, "word": word, "score": float(score), "file": str(path)})
-    return {"protocol": PROTOCOL, "backend": f"{_NAME} {version}", "masks": masks}
+        mask = load_image_uint8(response.file(str(told.get("output"))))[..., 0] >= _WHITE
+    except CaptureError as error:
+        raise response.wrong(f"gave a mask that cannot be read: {error.what}") from error
+    if mask.shape != shape:
+        raise response.wrong("gave a mask that has not the size of its photograph")
+    return mask

@@ -9,7 +9,7 @@ import pytest
 from r2sego_blender.core.text_files import read_text, write_text
 
 LIBRARY = Path(__file__).parents[2] / "r2sego_blender"
-WRITERS = {"text_files.py", "viewcrafter_program.py"}
+WRITERS = {"text_files.py"}
 """Who ends lines by hand; the program has no library beside it."""
 ONLY_LINUX = {"confinement.py", "processes.py", "resources.py"}
 """They ask /proc."""

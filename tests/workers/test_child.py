@@ -1,10 +1,7 @@
 """A native call succeeds only with exit 0 and a complete manifest."""
 
-import json
 import os
-import shutil
 import signal
-import stat
 import subprocess
 import sys
 import tempfile
@@ -15,8 +12,8 @@ import pytest
 
 import r2sego_blender
 from r2sego_blender.core.errors import CaptureError, NativeError
-from r2sego_blender.workers import child, external_environment, library_path
-from r2sego_blender.workers.engine import engine_environment
+from r2sego_blender.geometry.collision import coacd_regions
+from r2sego_blender.workers import child, library_path
 from r2sego_blender.workers.processes import birth
 
 
@@ -126,80 +123,12 @@ def test_a_killed_process_takes_its_native_calls_along(tmp_path):
     assert not birth(pid)
 
 
-@pytest.fixture
-def under_pip(tmp_path, monkeypatch) -> tuple[Path, Path]:
-    """This library as pip installs it, beside a package that another environment has too: that
-    folder, and the other environment's python."""
-    packages, others = tmp_path / "site-packages", tmp_path / "other"
-    for folder, words in ((packages, "of the engine"), (others, "of the model")):
-        (folder / "model_weights").mkdir(parents=True)
-        (folder / "model_weights" / "__init__.py").write_text(f"whose = {words!r}\n")
-    shutil.copytree(library_path.LIBRARY, packages / "r2sego_blender", ignore=shutil.ignore_patterns("__pycache__"))
-    (packages / "r2sego_blender" / "workers" / "asking.py").write_text(
-        "import sys\n"
-        "from ..core.errors import MachineError\n"
-        "def ask(request):\n"
-        "    import model_weights\n"
-        "    if 'refuse' in request: raise MachineError('no GPU', where='here')\n"
-        "    from .. import __file__ as place\n"
-        "    return {'whose': model_weights.whose, 'place': place, 'path': sys.path}\n"
-    )
-    python = tmp_path / "python"
-    python.write_text(
-        f'#!/bin/sh\nPYTHONPATH="${{PYTHONPATH:+$PYTHONPATH:}}{others}" exec "{sys.executable}" -S "$@"\n'
-    )  # -S: an interpreter that has not this one's packages
-    python.chmod(python.stat().st_mode | stat.S_IXUSR)
-    return packages, python
-
-
-ASK = """
-import json, sys
-from r2sego_blender.core.errors import MachineError
-from r2sego_blender.workers.asking import ask
-from r2sego_blender.workers.child import call_in_child
-try:
-    call_in_child(ask, {"refuse": True}, python=sys.argv[1])
-except MachineError as error:
-    print(json.dumps(call_in_child(ask, {}, python=sys.argv[1]) | {"where": error.where}))
-"""
-
-
-@pytest.mark.skipif(os.name == "nt", reason="a shell script stands for the environment")
-@pytest.mark.parametrize("started_by", ["pip", "the add-on"])
-def test_another_environment_gets_this_package_and_no_other(under_pip, tmp_path, monkeypatch, started_by):
-    packages, python = under_pip
-    monkeypatch.setenv("PYTHONPATH", str(packages))
-    if started_by == "the add-on":
-        monkeypatch.setenv("PYTHONSAFEPATH", "1")
-    (tmp_path / "here" / "model_weights").mkdir(parents=True)  # where the person stands
-    (tmp_path / "here" / "model_weights" / "__init__.py").write_text("whose = 'nobody'\n")
-    done = subprocess.run([sys.executable, "-c", ASK, python], capture_output=True, text=True, cwd=tmp_path / "here")
-    assert done.returncode == 0, done.stderr
-    answer = json.loads(done.stdout)
-    assert answer["whose"] == "of the model" and answer["where"] == "here"
-    assert Path(answer["place"]).parent == packages / "r2sego_blender"
-    assert str(packages) not in answer["path"] and str(tmp_path / "here") not in answer["path"]
-
-
-def test_external_programs_keep_what_the_person_put_on_the_path(monkeypatch, tmp_path):
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    monkeypatch.setenv("R2SEGO_TEST", "kept")
-    assert engine_environment()["PYTHONPATH"].split(os.pathsep)[0] == str(library_path.LIBRARY.parent)
-    monkeypatch.setenv("PYTHONPATH", engine_environment()["PYTHONPATH"])
-    environment = library_path.external_variables()
-    assert (environment["PYTHONPATH"], environment["R2SEGO_TEST"]) == (str(tmp_path), "kept")
-    monkeypatch.setenv("PYTHONPATH", str(library_path.LIBRARY.parent))
-    assert "PYTHONPATH" not in library_path.external_variables()
-
-
 def test_inside_blender_the_module_is_named_as_the_child_knows_it(monkeypatch):
     """The add-on's library has a longer name there."""
     monkeypatch.setattr(child, "_PACKAGE", "bl_ext.user_default.r2sego.r2sego_blender")
-    monkeypatch.setattr(
-        external_environment.checked_request, "__module__", f"{child._PACKAGE}.workers.external_environment"
-    )  # it declines a request that names no protocol, so it has run
-    with pytest.raises(NativeError, match="follows protocol None"):
-        child.call_in_child(external_environment.checked_request, {})
+    monkeypatch.setattr(coacd_regions.cut, "__module__", f"{child._PACKAGE}.geometry.collision.coacd_regions")
+    with pytest.raises(NativeError, match="KeyError: 'region'"):  # of a request without one, so it has run
+        child.call_in_child(coacd_regions.cut, {})
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -1,5 +1,7 @@
 """The door to generator programs, with programs that answer as they would."""
 
+import contextlib
+import json
 import os
 import re
 import signal
@@ -7,19 +9,23 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from r2sego_blender.core.errors import GenerationError, MachineError, NativeError
+from r2sego_blender.core.errors import MachineError, NativeError
 from r2sego_blender.workers.child import RUNNING, kill_children
 from r2sego_blender.workers.engine import engine_environment
-from r2sego_blender.workers.external_environment import PROTOCOL
-from r2sego_blender.workers.generator_program import GeneratorProgram
+from r2sego_blender.workers.generator_program import PROTOCOL, GeneratorProgram
 from r2sego_blender.workers.processes import birth
+from r2sego_blender.workers.protocol.asking import ask
+from r2sego_blender.workers.protocol.request import Request
+from r2sego_blender.workers.protocol.response import Limits, RefusedRequestError
 
 KILLED = r"ended with exit status \d+" if os.name == "nt" else "was killed by signal 9"
 WHOLE = {"protocol": PROTOCOL, "backend": "Stand-in 1", "frames": 2}
+CLIP = Request("clip", parameters={"frames": 2, "seed": 7})
 TELL = """
 import json, os, pathlib, subprocess, sys, time
 folder = pathlib.Path(sys.argv[1])
@@ -39,10 +45,19 @@ while True:
 """
 
 
-def program_of(tmp_path: Path, body: str, **options) -> GeneratorProgram:
+@contextlib.contextmanager
+def program_of(tmp_path: Path, body: str) -> Iterator[GeneratorProgram]:
     script = tmp_path / "generator.py"
     script.write_text(TELL + body)
-    return GeneratorProgram([sys.executable, str(script)], "generator.py", "Mend it.", **options)
+    with contextlib.closing(GeneratorProgram([sys.executable, str(script)], "generator.py", "Mend it.")) as program:
+        yield program
+
+
+def answer(program: GeneratorProgram, folder: Path, limits: Limits = Limits()) -> dict:
+    """What a program told of a clip; its own folder is "request" in ``folder``."""
+    with ask(program, CLIP, limits=limits, folder=folder) as response:
+        assert response.weights == ""
+        return {"protocol": PROTOCOL, "backend": response.backend, "frames": response.values["frames"]}
 
 
 def folder_of(tmp_path: Path, name: str = "clip") -> Path:
@@ -59,7 +74,7 @@ def wait_until(true, limit_s: float = 60.0) -> None:
 
 def test_an_answer_is_what_the_program_left(tmp_path):
     with program_of(tmp_path, f"tell(**{WHOLE})") as program:
-        assert program.answer(folder_of(tmp_path)) == WHOLE
+        assert answer(program, folder_of(tmp_path)) == WHOLE
         assert not RUNNING
 
 
@@ -70,18 +85,18 @@ def test_a_program_finds_its_modules_where_the_add_on_started_the_engine(tmp_pat
     (tmp_path / "model_of_ours.py").write_text("NAME = 'Stand-in 1'\n")
     body = "import model_of_ours\ntell(protocol=1, backend=model_of_ours.NAME, frames=2)"
     with program_of(tmp_path, body) as program:
-        assert program.answer(folder_of(tmp_path)) == WHOLE
+        assert answer(program, folder_of(tmp_path)) == WHOLE
 
 
 def test_a_program_that_waits_is_started_once(tmp_path):
     with program_of(tmp_path, WAITING) as program:
-        first = program.answer(folder_of(tmp_path, "a"))["backend"]
-        second = program.answer(folder_of(tmp_path, "b"))["backend"]
+        first = answer(program, folder_of(tmp_path, "a"))["backend"]
+        second = answer(program, folder_of(tmp_path, "b"))["backend"]
         number = int(first.split()[-1])
         assert (first, second) == (f"clip 1 of {number}", f"clip 2 of {number}")
         os.kill(number, signal.SIGTERM)  # Windows has no other
         wait_until(lambda: not birth(number))
-        third = program.answer(folder_of(tmp_path, "c"))["backend"]
+        third = answer(program, folder_of(tmp_path, "c"))["backend"]
         assert third.startswith("clip 1 of ")
         number = int(third.split()[-1])
     assert not birth(number)
@@ -110,16 +125,17 @@ def test_a_program_that_waits_is_started_once(tmp_path):
         ("tell(protocol=1, error='no GPU'); sys.exit(1)", MachineError, r"no GPU\. Mend it\.$"),
         (
             "tell(protocol=1, refused='nothing to see')",
-            GenerationError,
+            RefusedRequestError,
             r"^generator\.py: the generator refused, nothing to see\.$",
         ),
         ("time.sleep(60)", NativeError, r"had no answer after 1 s"),
     ],
 )
 def test_what_goes_wrong_is_told_in_a_line(tmp_path, body, kind, said):
-    with program_of(tmp_path, body, limit_s=1.0) as program:
+    limits = Limits(seconds=1.0) if "sleep" in body else Limits()
+    with program_of(tmp_path, body) as program:
         with pytest.raises(kind, match=said) as caught:
-            program.answer(folder_of(tmp_path))
+            answer(program, folder_of(tmp_path), limits)
         assert type(caught.value) is kind and "\n" not in str(caught.value)
         assert not RUNNING
 
@@ -128,17 +144,17 @@ def test_a_program_that_waits_reads_any_folder_in_a_system_of_few_letters(tmp_pa
     for name, value in {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}.items():
         monkeypatch.setenv(name, value)
     with program_of(tmp_path, WAITING) as program:
-        program.answer(folder_of(tmp_path, "a"))
-        assert program.answer(folder_of(tmp_path, "Größe 部屋"))["backend"].startswith("clip 2 of ")
+        answer(program, folder_of(tmp_path, "a"))
+        assert answer(program, folder_of(tmp_path, "Größe 部屋"))["backend"].startswith("clip 2 of ")
 
 
 def test_a_program_that_refused_still_waits(tmp_path):
     body = "tell(protocol=1, refused='too dark', waits=True)\nfolder = pathlib.Path(input())\n" + WAITING
     with program_of(tmp_path, body) as program:
-        with pytest.raises(GenerationError, match="too dark"):
-            program.answer(folder_of(tmp_path, "a"))
+        with pytest.raises(RefusedRequestError, match="too dark"):
+            answer(program, folder_of(tmp_path, "a"))
         assert len(RUNNING) == 1
-        assert program.answer(folder_of(tmp_path, "b"))["backend"].startswith("clip 1 of ")
+        assert answer(program, folder_of(tmp_path, "b"))["backend"].startswith("clip 1 of ")
 
 
 def test_cancelling_kills_the_program_and_what_it_started(tmp_path):
@@ -153,14 +169,14 @@ inner.wait()
 
         def ask():
             try:
-                program.answer(folder)
+                answer(program, folder)
             except NativeError as error:
                 errors.append(str(error))
 
         thread = threading.Thread(target=ask)
         thread.start()
-        wait_until(lambda: (folder / "inner").is_file() and (folder / "inner").read_text())
-        outer, inner = next(iter(RUNNING)).pid, int((folder / "inner").read_text())
+        wait_until(lambda: (folder / "request" / "inner").is_file() and (folder / "request" / "inner").read_text())
+        outer, inner = next(iter(RUNNING)).pid, int((folder / "request" / "inner").read_text())
         assert birth(outer) and birth(inner)
         began_s = time.monotonic()
         kill_children()
@@ -180,13 +196,16 @@ def test_a_cancelled_command_leaves_no_generator_behind(tmp_path, number):
 from pathlib import Path
 from r2sego_blender.workers.cancelling import cancel_at_once
 from r2sego_blender.workers.generator_program import GeneratorProgram
+from r2sego_blender.workers.protocol.asking import ask
+from r2sego_blender.workers.protocol.request import Request
 cancel_at_once()
-with GeneratorProgram([{sys.executable!r}, {str(script)!r}], "my", "") as program:
-    program.answer(Path({str(folder)!r}))
+program = GeneratorProgram([{sys.executable!r}, {str(script)!r}], "my", "")
+with ask(program, Request("clip"), folder=Path({str(folder)!r})):
+    pass
 """
     engine = subprocess.Popen([sys.executable, "-c", command], stderr=subprocess.PIPE)
-    wait_until(lambda: (folder / "began").is_file() and (folder / "began").read_text(), 60.0)
-    generator = int((folder / "began").read_text())
+    wait_until(lambda: (folder / "request" / "began").is_file() and (folder / "request" / "began").read_text(), 60.0)
+    generator = int((folder / "request" / "began").read_text())
     assert birth(generator)
     engine.send_signal(number)
     _, said = engine.communicate(timeout=30.0)
@@ -196,4 +215,27 @@ with GeneratorProgram([{sys.executable!r}, {str(script)!r}], "my", "") as progra
 
 def test_a_program_that_cannot_be_started_is_named(tmp_path):
     with pytest.raises(MachineError, match=r"my: the generator could not be started: .*\. Mend it\."):
-        GeneratorProgram([str(tmp_path / "none")], "my", "Mend it.").answer(folder_of(tmp_path))
+        answer(GeneratorProgram([str(tmp_path / "none")], "my", "Mend it."), folder_of(tmp_path))
+
+
+def test_a_program_finds_what_it_is_asked_as_documented(tmp_path):
+    with program_of(tmp_path, f"tell(**{WHOLE})") as program:
+        answer(program, folder_of(tmp_path))
+    asked = json.loads((tmp_path / "clip" / "request" / "request.json").read_text())
+    assert (asked["protocol"], asked["frames"], asked["seed"]) == (PROTOCOL, 2, 7)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links need rights on Windows")
+def test_images_that_are_links_are_none(tmp_path):
+    """A link to a device would never end; one to another's file is not the program's to show."""
+    body = """
+(folder / "frames").mkdir()
+(folder / "frames" / "000.png").symlink_to("/dev/zero")
+(folder / "frames" / "001.png").write_bytes(b"x")
+(folder / "confidence").symlink_to(folder / "frames")
+"""
+    with (
+        program_of(tmp_path, body + f"tell(**{WHOLE})") as program,
+        ask(program, CLIP, folder=folder_of(tmp_path)) as response,
+    ):
+        assert set(response.files) == {"frames/001.png"}

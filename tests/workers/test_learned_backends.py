@@ -1,9 +1,10 @@
-"""The doors to SAM 3 and SAM 3D Objects, with environments that answer as those would.
+"""The doors to SAM 3, SAM 3D Objects and NKSR, with environments that answer as those would.
 
-Neither model can run here. A stand-in environment has packages of their names, versions and
-published interfaces; everything else is real: another interpreter, request, files, manifest.
+None of the models can run here. A stand-in environment has packages of their names, versions and
+published interfaces; everything else is real: another interpreter, request, response, digests.
 """
 
+import ast
 import os
 import stat
 import sys
@@ -14,13 +15,21 @@ import pytest
 import trimesh
 
 from r2sego_blender.core.errors import MachineError, NativeError
-from r2sego_blender.workers import sam3, sam3d
-from r2sego_blender.workers.external_environment import PROTOCOL, checked_request, checked_result
+from r2sego_blender.workers import nksr, sam3, sam3d
+from r2sego_blender.workers.models import loading
+from r2sego_blender.workers.models.loading import files_digest, state_digest
 
 TORCH = """
 import contextlib
 import numpy
+uint8 = "uint8"
+def device(name): return name
+def from_numpy(array): return array.view(Tensor)
 class Tensor(numpy.ndarray):
+    def view(self, kind): return super().view(kind)
+    def to(self, device): assert device == "cuda:0"; return self
+    def detach(self): return self
+    def contiguous(self): return self
     def float(self): return self.astype("float32").view(Tensor)
     def cpu(self): return self
     def numpy(self): return numpy.asarray(self)
@@ -31,14 +40,39 @@ bfloat16 = "bfloat16"
 inference_mode = contextlib.nullcontext
 def autocast(device, dtype): return contextlib.nullcontext()
 """
-SAM3_BUILDER = "def build_sam3_image_model(): return 'model'\n"
+SAM3_BUILDER = """
+import numpy
+import torch
+class Model:
+    def state_dict(self):
+        return {name: numpy.full(shape, 0.5).view(torch.Tensor) for name, shape in (("b", 2), ("a", ()))}
+def build_sam3_image_model(): return Model()
+"""
+NKSR = """
+__version__ = "1.0.3"
+import types
+import numpy
+import torch
+class Reconstructor:
+    def __init__(self, device):
+        assert device == "cuda:0"
+        self.network = types.SimpleNamespace(state_dict=lambda: {"a": numpy.ones(3, "float32").view(torch.Tensor)})
+    def reconstruct(self, points, normals, voxel_size):
+        assert points.dtype == normals.dtype == numpy.float32 and points.shape == normals.shape and voxel_size == 0.02
+        self.v = points
+        return self
+    def extract_dual_mesh(self, mise_iter):
+        assert mise_iter == 1
+        self.f = numpy.array([[0, 1, 2], [0, 2, LAST]]).view(torch.Tensor)
+        return self
+"""
 SAM3_PROCESSOR = """
 import numpy
 import torch
 COLOURS = {"chair": 0, "table": 1}
 class Sam3Processor:
     def __init__(self, model, resolution=1008, device="cuda", confidence_threshold=0.5):
-        assert model == "model"
+        assert set(model.state_dict()) == {"a", "b"}
         self.least = confidence_threshold
     def set_image(self, image, state=None):
         return {"pixels": numpy.asarray(image)}
@@ -186,7 +220,7 @@ def test_another_version_is_refused(with_sam3):
     (with_sam3.folder / "sam3-0.1.0.dist-info").rename(with_sam3.folder / "sam3-0.7.2.dist-info")
     metadata = with_sam3.folder / "sam3-0.7.2.dist-info" / "METADATA"
     metadata.write_text(metadata.read_text().replace("0.1.0", "0.7.2"))
-    with pytest.raises(MachineError, match=r"version 0\.7\.2, and this adapter follows 0\.1"):
+    with pytest.raises(MachineError, match=r"version 0\.7\.2, not of 0\.1"):
         sam3.segment_externally({"a": photograph(0, slice(3))}, ["chair"])
 
 
@@ -202,11 +236,44 @@ def test_a_model_that_breaks_is_an_error_with_its_last_words(with_sam3):
         sam3.segment_externally({"a": photograph(0, slice(3))}, ["chair"])
 
 
-def test_both_sides_have_to_speak_one_protocol():
-    with pytest.raises(NativeError, match="protocol 0"):
-        checked_request({"protocol": 0})
-    with pytest.raises(NativeError, match="lacks backend, masks"):
-        checked_result({"protocol": PROTOCOL}, "SAM 3", ["masks"])
-    with pytest.raises(NativeError, match="follows protocol 9"):
-        checked_result({"protocol": 9, "backend": "x", "masks": []}, "SAM 3", ["masks"])
-    checked_result({"protocol": PROTOCOL, "backend": "x", "masks": []}, "SAM 3", ["masks"])
+@pytest.fixture
+def with_nksr(environment, monkeypatch) -> Environment:
+    environment.has(torch=TORCH.replace("GPU", "True"), nksr=NKSR.replace("LAST", "3"))
+    monkeypatch.setenv(nksr.PYTHON_VARIABLE, str(environment.python))
+    return environment
+
+
+def test_points_with_normals_become_a_surface(with_nksr):
+    points = np.random.default_rng(0).normal(size=(4, 3))
+    vertices, faces = nksr.reconstruct_externally(points, np.ones((4, 3)), 0.02)
+    np.testing.assert_array_equal(vertices, points.astype(np.float32))
+    np.testing.assert_array_equal(faces, [[0, 1, 2], [0, 2, 3]])
+    with_nksr.has(nksr=NKSR.replace("LAST", "4"))
+    with pytest.raises(NativeError, match="no indices of 4"):
+        nksr.reconstruct_externally(points, np.ones((4, 3)), 0.02)
+    with_nksr.has(torch=TORCH.replace("GPU", "False"))
+    with pytest.raises(MachineError, match="NKSR needs an NVIDIA GPU"):
+        nksr.reconstruct_externally(points, np.ones((4, 3)), 0.02)
+
+
+def test_what_a_model_has_loaded_has_a_digest():
+    torch = pytest.importorskip("torch")
+    torch.manual_seed(0)
+    model, other = (torch.nn.Sequential(torch.nn.Linear(3, 2), torch.nn.BatchNorm1d(2)) for _ in range(2))
+    digest = state_digest(torch, model)
+    assert digest != state_digest(torch, other)
+    other.load_state_dict(model.state_dict())
+    assert digest == state_digest(torch, other)
+    with torch.no_grad():
+        other[0].bias[1] += 1e-6
+    assert digest != state_digest(torch, other)
+    assert len(state_digest(torch, other.bfloat16())) == 64
+    parts = [Path(__file__), Path(sam3.__file__)]
+    assert files_digest(parts) != files_digest(parts[::-1])
+
+
+@pytest.mark.parametrize("name", ["loading", "viewcrafter", "nksr"])
+def test_what_runs_beside_a_model_is_python_39_and_needs_the_protocol_alone(name):
+    tree = ast.parse(Path(loading.__file__).with_name(f"{name}.py").read_text(encoding="utf-8"), feature_version=(3, 9))
+    relative = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.level}
+    assert relative <= {"protocol.serving", "loading"}

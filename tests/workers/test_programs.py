@@ -5,7 +5,7 @@ import os
 import pytest
 from stand_in_program import write_program
 
-from r2sego_blender.workers.programs import find_program
+from r2sego_blender.workers.programs import find_program, words_of
 
 
 @pytest.fixture
@@ -32,3 +32,9 @@ def test_a_path_is_taken_as_it_stands(folders):
     assert find_program(str(program)) == str(program)
     assert find_program(f".{os.sep}{program.name}") is not None
     assert find_program(str(folders[0] / "nothing")) is None
+
+
+def test_a_command_is_read_as_its_system_writes_it():
+    told = r'"C:\Program Files\Python\python.exe" C:\gen\run.py --fast'
+    assert words_of(told, "nt") == [r"C:\Program Files\Python\python.exe", r"C:\gen\run.py", "--fast"]
+    assert words_of(r"'/opt/my gen/run' a\ b", "posix") == ["/opt/my gen/run", "a b"]

@@ -11,7 +11,8 @@ from pathlib import Path
 from ...config.settings import GenerationSettings
 from ...core.digests import file_identity
 from ...core.errors import MachineError
-from ...workers.programs import find_program
+from ...workers.generator_program import GeneratorProgram
+from ...workers.programs import named_command
 from .program import program_generator
 from .slot import ClipInputs, Generator, Installation
 
@@ -33,7 +34,7 @@ def installation(name: str, settings: GenerationSettings) -> Installation:
     It is known by its words and by the content of the files among them, but for the interpreter that it is
     run by: a security update of that makes no view anew. Raises MachineError where they name none.
     """
-    command, size = _named_command(), _named_size()
+    command, size = named_command(COMMAND_VARIABLE, "generator", "generation.generator", _CURE), _named_size()
     words = [word if _is_interpreter(word, place) else _known(word) for place, word in enumerate(command)]
     identity = {"command": words, "size": list(size) if size else None}
     return Installation(identity, tuple(command), size)
@@ -42,7 +43,8 @@ def installation(name: str, settings: GenerationSettings) -> Installation:
 def make(installed: Installation, inputs: ClipInputs) -> AbstractContextManager[Generator]:
     """The program, asked through files."""
     cure = f"Mend the program in {COMMAND_VARIABLE}, see docs/backends.md."
-    return program_generator(installed, inputs, shlex.join(installed.command), cure)
+    worker = GeneratorProgram(installed.command, shlex.join(installed.command), cure)
+    return program_generator(worker, installed, inputs)
 
 
 def _is_interpreter(word: str, place: int) -> bool:
@@ -55,30 +57,6 @@ def _known(word: str) -> str | list[str]:
         return [Path(word).name, file_identity(Path(word))] if Path(word).is_file() else word
     except (OSError, ValueError):  # it may not be read, is too long for a name, or has a zero
         return word
-
-
-def _named_command() -> list[str]:
-    """The program that the environment names, with its arguments. Raises MachineError without one."""
-    named = os.environ.get(COMMAND_VARIABLE, "").strip()
-    try:
-        command = [named] if os.path.isfile(named) else _words(named)  # noqa: PTH113  (no error if it is long)
-    except ValueError as error:
-        raise MachineError(f"{COMMAND_VARIABLE} is no command: {error}", where=named, cure=_CURE) from error
-    if not command:
-        raise MachineError("no generator is named", where="generation.generator", cure=_CURE)
-    found = find_program(command[0])
-    if found is None:
-        raise MachineError(
-            f"the program in {COMMAND_VARIABLE} is not there or cannot be run", where=command[0], cure=_CURE
-        )
-    return [found, *command[1:]]
-
-
-def _words(command: str, system: str = os.name) -> list[str]:
-    """The words of a command; on Windows a backslash is part of a path. Raises ValueError: an open quote."""
-    if system != "nt":
-        return shlex.split(command)
-    return [word.strip("\"'") for word in shlex.split(command, posix=False)]
 
 
 def _named_size() -> tuple[int, int] | None:

@@ -12,66 +12,80 @@ from typing import Any
 import numpy as np
 
 from ...core.cameras import Camera
-from ...core.errors import CaptureError, NativeError
+from ...core.errors import CaptureError, GenerationError, NativeError
 from ...core.images import load_image, resize, save_image
-from ...core.json_files import write_json
-from ...workers.external_environment import PROTOCOL
-from ...workers.generator_program import GeneratorProgram
+from ...workers.protocol.asking import Worker, ask
+from ...workers.protocol.request import Request
+from ...workers.protocol.response import Limits, RefusedRequestError, Response
 from ..conditions.condition_files import save_conditions
 from ..conditions.conditions import Condition
 from ..paths.paths import reference_from_frame
 from .slot import ClipInputs, Frame, Generator, Installation
 
 _VALID = 0.5
+_LIMITS = Limits(seconds=3600.0, silent_s=3600.0)
+_MOST_BROKEN = 3
 
 
 @contextlib.contextmanager
-def program_generator(installed: Installation, inputs: ClipInputs, name: str, cure: str) -> Iterator[Generator]:
-    """The generator that answers by ``installed.command``; what it started ends with the context.
-
-    ``name`` is where errors are and what it is called until it tells its own, ``cure`` what they advise.
-    """
-    with GeneratorProgram(installed.command, name, cure) as program:
-        yield ProgramGenerator(program, name, inputs, installed.size)
+def program_generator(worker: Worker, installed: Installation, inputs: ClipInputs) -> Iterator[Generator]:
+    """The generator whose clips ``worker`` makes; what it started ends with the context."""
+    with contextlib.closing(worker):
+        yield ProgramGenerator(worker, inputs, installed.size)
 
 
 class ProgramGenerator:
     """A generator in a process of its own, asked through files (docs/backends.md)."""
 
-    def __init__(
-        self, program: GeneratorProgram, name: str, inputs: ClipInputs, size: tuple[int, int] | None = None
-    ) -> None:
+    def __init__(self, worker: Worker, inputs: ClipInputs, size: tuple[int, int] | None = None) -> None:
         """``size``: (width, height) of the only frames it makes, None where it makes any."""
-        self.name = name
-        self._program, self._inputs, self._size = program, inputs, size
+        self.name = worker.name
+        self._worker, self._inputs, self._size = worker, inputs, size
+        self._broken = 0
 
     def generate(self, reference: int, conditions: Sequence[Condition]) -> list[Frame]:
         """See ``Generator``. The program is given conditions of its own size, letterboxed.
 
         Where the program tells no confidence, it is 1 where the condition is valid, elsewhere that
-        of a pixel no capture saw. Raises as ``GeneratorProgram.answer`` does, and NativeError when
-        frames are missing or of another size.
+        of a pixel no capture saw. Raises GenerationError, which costs this clip, where the program refuses,
+        breaks, hangs, or leaves frames that are missing or of another size; NativeError where the last
+        ``_MOST_BROKEN`` clips broke, too; and MachineError where it cannot be started or says what it lacks.
         """
+        try:
+            frames = self._generate(reference, conditions)
+        except RefusedRequestError as error:
+            raise GenerationError(error.what, where=error.where) from error
+        except NativeError as error:
+            self._broken += 1
+            if self._broken == _MOST_BROKEN:
+                raise
+            raise GenerationError(error.what, where=error.where, cure=error.cure) from error
+        self._broken = 0
+        return frames
+
+    def _generate(self, reference: int, conditions: Sequence[Condition]) -> list[Frame]:
         target = conditions[-1].camera
         box = letterbox(target, *(self._size or (target.width, target.height)))
         path = [box.camera.at(condition.camera.world_from_camera) for condition in conditions]
         with tempfile.TemporaryDirectory(prefix=".request-", dir=self._inputs.scratch) as name:
             folder = Path(name).resolve()  # the program may run elsewhere
-            self._write_request(folder, reference, path)
-            told = self._program.answer(folder)
-            self.name = str(told["backend"])
-            if told["frames"] != len(conditions):
-                raise self._incomplete(f"made {told['frames']} frames, not {len(conditions)}")
-            return [self._frame(folder, k, box, condition) for k, condition in enumerate(conditions)]
+            request = self._request(folder / "request", reference, path)
+            with ask(self._worker, request, limits=_LIMITS, folder=folder) as response:
+                self.name = response.backend
+                told = response.values.get("frames")
+                if told != len(conditions):
+                    raise self._incomplete(f"made {told} frames, not {len(conditions)}")
+                return [self._frame(response, k, box, condition) for k, condition in enumerate(conditions)]
 
-    def _write_request(self, folder: Path, reference: int, path: Sequence[Camera]) -> None:
+    def _request(self, folder: Path, reference: int, path: Sequence[Camera]) -> Request:
+        """The task of a clip, its files written into ``folder``."""
         given = self._inputs
         capture = given.captures[reference]
+        folder.mkdir()
         save_image(folder / "reference.png", capture.image())
         conditions = given.renderer.render(path)
         save_conditions(folder / "conditions", conditions, given.colours.render(reference, conditions))
-        request: dict[str, Any] = {
-            "protocol": PROTOCOL,
+        parameters: dict[str, Any] = {
             "seed": given.settings.seed,
             "frames": len(path),
             "width": path[0].width,
@@ -80,25 +94,27 @@ class ProgramGenerator:
             "cameras": [camera.to_json() for camera in path],
             "reference_from_frame": reference_from_frame(capture.camera, path).tolist(),
         }
-        write_json(folder / "request.json", request)
+        files = {file.relative_to(folder).as_posix(): file for file in folder.rglob("*") if file.is_file()}
+        return Request("clip", self._inputs.settings.generation.generator, parameters, files)
 
-    def _frame(self, folder: Path, index: int, box: Letterbox, condition: Condition) -> Frame:
+    def _frame(self, response: Response, index: int, box: Letterbox, condition: Condition) -> Frame:
         """The program's frame of this index, at the condition's size."""
         size = condition.camera.width, condition.camera.height
-        image = self._read(folder / "frames" / f"{index:03d}.png", box)
-        told = folder / "confidence" / f"{index:03d}.png"
-        if told.is_file():
-            confidence = resize(self._read(told, box)[..., 0], *size)
+        image = self._read(response, f"frames/{index:03d}.png", box)
+        told = f"confidence/{index:03d}.png"
+        if told in response.files:
+            confidence = resize(self._read(response, told, box)[..., 0], *size)
         else:
             unseen = np.float32(self._inputs.settings.generation.hole_confidence)
             confidence = np.where(condition.validity >= _VALID, np.float32(1.0), unseen)
         return Frame(resize(image, *size), confidence)
 
-    def _read(self, file: Path, box: Letterbox) -> np.ndarray:
+    def _read(self, response: Response, told: str, box: Letterbox) -> np.ndarray:
         """The part of an image of the program that is of the view. (h, w, 3) float32."""
-        told = f"{file.parent.name}/{file.name}"
+        if told not in response.files:
+            raise self._incomplete(f"left no {told}: the image is missing")
         try:
-            image = load_image(file)
+            image = load_image(response.files[told])
         except CaptureError as error:
             raise self._incomplete(f"left no {told}: {error.what}") from error
         if image.shape[:2] != box.camera.shape:
@@ -107,7 +123,6 @@ class ProgramGenerator:
         return box.cut(image)
 
     def _incomplete(self, what: str) -> NativeError:
-        self._program.close()
         return NativeError(
             f"the generator {what}", where=self.name, cure="Mend it, or use --set generation.generator=blending."
         )

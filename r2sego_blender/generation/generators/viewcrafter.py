@@ -4,7 +4,7 @@
 same 25 without gaps out. ViewCrafter needs Python 3.9, torch 1.13 and an NVIDIA GPU of 24 GB (14
 GB for the small model); it runs in the interpreter that ``R2SEGO_VIEWCRAFTER_PYTHON`` names, on
 the repository in ``R2SEGO_VIEWCRAFTER_REPOSITORY``. What runs there is
-``workers.viewcrafter_program``.
+``workers.models.viewcrafter``.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from pathlib import Path
 from ...config.settings import GenerationSettings
 from ...core.digests import file_identity
 from ...core.errors import MachineError
-from ...workers import viewcrafter_program
 from ...workers.external_environment import named_python
-from ...workers.viewcrafter_program import FRAMES
+from ...workers.models.viewcrafter import FRAMES
+from ...workers.protocol.program_worker import ProgramWorker, library_command
 from .program import program_generator
 from .slot import ClipInputs, Generator, Installation
 
@@ -60,11 +60,11 @@ def installation(name: str, settings: GenerationSettings) -> Installation:
 
 def make(installed: Installation, inputs: ClipInputs) -> AbstractContextManager[Generator]:
     """ViewCrafter, asked through files."""
-    return program_generator(installed, inputs, _NAME, _CURE)
+    return program_generator(ProgramWorker(installed.command, _NAME, _CURE), installed, inputs)
 
 
 def _command(clip_frames: int) -> list[str]:
-    """ViewCrafter's generator program; the last words are the repository and the weights."""
+    """ViewCrafter's worker; the last words are the repository and the weights."""
     if clip_frames != FRAMES:
         raise MachineError(
             f"{_NAME} makes clips of {FRAMES} frames, not of {clip_frames}",
@@ -79,4 +79,4 @@ def _command(clip_frames: int) -> list[str]:
     checkpoint = Path(os.environ.get(CHECKPOINT_VARIABLE, "") or repository / "checkpoints" / "model.ckpt")
     if not checkpoint.is_file():
         raise MachineError(f"the weights of {_NAME} are not there", where=checkpoint, cure=_CURE)
-    return [python, str(Path(viewcrafter_program.__file__).resolve()), str(repository), str(checkpoint.resolve())]
+    return library_command(python, "workers.models.viewcrafter", str(repository), str(checkpoint.resolve()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import importlib.metadata
 import os
 import sys
@@ -30,7 +31,7 @@ def packages_of(label: str) -> Iterator[None]:
         raise UnusableError(f"{label} is not there: {error}", _CURE) from error
 
 
-def version_of(package: str, series: Sequence[str], label: str) -> str:
+def version_of(package: str, series: Sequence[str], label: str, cure: str = _CURE) -> str:
     """The installed version of ``package``, if it is of one of the ``series``, such as "0.1".
 
     Raises UnusableError for another one: its interface may differ from what was published.
@@ -38,9 +39,9 @@ def version_of(package: str, series: Sequence[str], label: str) -> str:
     try:
         version = importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError as error:
-        raise UnusableError(f"{label} is not there: no package {package}", _CURE) from error
+        raise UnusableError(f"{label} is not there: no package {package}", cure) from error
     if ".".join(version.split(".")[:2]) not in series:
-        raise UnusableError(f"{label} is of version {version}, not of {' or '.join(series)}", _CURE)
+        raise UnusableError(f"{label} is of version {version}, not of {' or '.join(series)}", cure)
     return version
 
 
@@ -57,6 +58,29 @@ def weights_file(repository: str, file: str, label: str) -> Path:
         return Path(hf_hub_download(repository, file, local_files_only=True))
     except (OSError, ValueError) as error:  # LocalEntryNotFoundError is both
         raise UnusableError(f"the weights of {label}, {repository}, are not on this machine", _CURE) from error
+
+
+def require_gpu(torch: Any, backend: str) -> None:
+    """Raises UnusableError where torch finds no NVIDIA GPU."""
+    if not torch.cuda.is_available():
+        raise UnusableError(f"{backend} needs an NVIDIA GPU")
+
+
+def state_digest(torch: Any, model: Any) -> str:
+    """SHA-256 over the names and the bytes of all that a torch module has loaded, wherever from."""
+    digest = hashlib.sha256()
+    for name, tensor in sorted(model.state_dict().items()):
+        digest.update(name.encode())
+        digest.update(tensor.detach().cpu().contiguous().reshape(-1).view(torch.uint8).numpy().tobytes())
+    return digest.hexdigest()
+
+
+def files_digest(files: Sequence[Path]) -> str:
+    """SHA-256 over what several files hold, such as the parts of a model's weights."""
+    digest = hashlib.sha256()
+    for file in files:
+        digest.update(file_digest(file).encode())
+    return digest.hexdigest()
 
 
 def numbers(values: Any) -> np.ndarray:

@@ -46,7 +46,7 @@ class ProgramWorker:
 
 
 def library_command(python: str, module: str, *arguments: str) -> list[str]:
-    """The command by which ``python`` runs ``main`` of a module of this library, such as ``workers.sam3_program``.
+    """The command by which ``python`` runs ``main`` of a module of this library, such as ``workers.models.sam3``.
 
     It finds the library by its place and nothing else of this environment.
     """

@@ -50,8 +50,9 @@ class RecordingWorker:
 
     def answer(self, request: Path, response: Path, tell: Tell, limits: Limits) -> None:
         """See ``asking.Worker``."""
+        key = request_key(request)
         self._worker.answer(request, response, tell, limits)
-        shutil.copytree(response, self._folder / request_key(request), symlinks=True, dirs_exist_ok=True)
+        shutil.copytree(response, self._folder / key, symlinks=True, dirs_exist_ok=True)
 
     def close(self) -> None:
         """See ``asking.Worker``."""

@@ -84,6 +84,13 @@ class Response:
             raise self.wrong(f"gave {name} with values that are no numbers")
         return array
 
+    def listed(self, name: str) -> list[Mapping[str, Any]]:
+        """The value ``name`` as a list of objects. Raises NativeError for any other."""
+        listed = self.values.get(name)
+        if not (isinstance(listed, list) and all(isinstance(one, dict) for one in listed)):
+            raise self.wrong(f"gave no list of {name}")
+        return listed
+
     def wrong(self, what: str) -> NativeError:
         """The error that this answer is one of those."""
         return NativeError(f"{self.backend or 'the worker'} {what}", where=self.worker, cure=self.cure)

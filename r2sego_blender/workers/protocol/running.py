@@ -25,9 +25,9 @@ _MOST_LINE, _REMEMBERED_LINES, _LONGEST_WORDS = 1 << 16, 20, 300
 class RunningProgram:
     """A process of a session of its own: ``end``, ``child.kill_children`` and this process's end are all of its end."""
 
-    def __init__(self, command: Sequence[str], name: str, cure: str) -> None:
-        """Start it. ``name`` is where errors are, ``cure`` what they advise. Raises MachineError."""
-        self._name, self._cure = name, cure
+    def __init__(self, command: Sequence[str], name: str, cure: str, kind: str = "worker") -> None:
+        """Start it. ``name`` is where errors are, ``cure`` what they advise of this ``kind``. Raises MachineError."""
+        self._name, self._cure, self._kind = name, cure, kind
         self._words: deque[str] = deque(maxlen=_REMEMBERED_LINES)
         self._told: Mapping[str, Any] | None = None
         self._heard_s = time.monotonic()
@@ -41,7 +41,7 @@ class RunningProgram:
                 **group_of_its_own(window=False),
             )
         except OSError as error:
-            raise MachineError(f"the worker could not be started: {error.strerror}", where=name, cure=cure) from error
+            raise MachineError(f"the {kind} could not be started: {error.strerror}", where=name, cure=cure) from error
         RUNNING.add(self._process)
         self._ender = ended_with_this_process(self._process)
         self._readers = [
@@ -95,7 +95,7 @@ class RunningProgram:
 
     def broken(self, how: str) -> NativeError:
         """The error that it ``how``, with its last words."""
-        return NativeError(f"the worker {how}", where=self._name, cure=f"{self._cure}{self._last_words()}")
+        return NativeError(f"the {self._kind} {how}", where=self._name, cure=f"{self._cure}{self._last_words()}")
 
     def ended(self, status: int) -> NativeError:
         """The error that it ended with such a status."""

@@ -71,10 +71,15 @@ class RefusedError(Exception):
 
 
 class Request:
-    """What is asked: ``parameters``, JSON's values by name, and ``files``, the place of each input by name."""
+    """What is asked: ``parameters``, JSON's values by name, and ``files``, the place of each input by name.
 
-    def __init__(self, task: str, backend: str, parameters: dict[str, Any], files: dict[str, Path]) -> None:
-        self.task, self.backend, self.parameters, self.files = task, backend, parameters, files
+    Files of the answer may be written into ``folder``.
+    """
+
+    def __init__(
+        self, task: str, backend: str, parameters: dict[str, Any], files: dict[str, Path], folder: Path
+    ) -> None:
+        self.task, self.backend, self.parameters, self.files, self.folder = task, backend, parameters, files, folder
 
     def array(self, name: str) -> np.ndarray:
         """The input ``name`` as the array that it holds."""
@@ -121,7 +126,7 @@ def answer(request_folder: Path, response_folder: Path, tasks: Mapping[str, Task
     """Answer one request; whatever happens becomes ``response.json``, but for a kill."""
     began_s, task = time.monotonic(), ""
     try:
-        request = read_request(request_folder)
+        request = read_request(request_folder, response_folder)
         task = request.task
         if task not in tasks:
             raise UnusableError(f"it serves {', '.join(sorted(tasks))}, not {task}")
@@ -137,7 +142,7 @@ def answer(request_folder: Path, response_folder: Path, tasks: Mapping[str, Task
         _write_error(response_folder, task, "broken", f"{type(error).__name__}: {error}")
 
 
-def read_request(folder: Path) -> Request:
+def read_request(folder: Path, response_folder: Path) -> Request:
     """The request in ``folder``, its inputs held against their digests. Raises UnusableError and ValueError."""
     record = json.loads((folder / REQUEST_FILE).read_text(encoding="utf-8"))
     if record.get("protocol") != PROTOCOL:
@@ -150,7 +155,7 @@ def read_request(folder: Path) -> Request:
         files[name] = folder / plain_path(one["file"])
         if file_digest(files[name]) != one["sha256"]:
             raise ValueError(f"the input {name} is not what was sent")
-    return Request(record["task"], record["backend"], record["parameters"], files)
+    return Request(record["task"], record["backend"], record["parameters"], files, response_folder)
 
 
 def write_answer(folder: Path, task: str, given: Answer, began_s: float) -> None:
@@ -222,10 +227,12 @@ def receive_folder(stream: BufferedIOBase, folder: Path, most_bytes: int, most_f
     line = stream.readline(_MOST_LINE)
     try:
         listed = json.loads(line)
-        sizes: dict[str, int] = {plain_path(name): int(size) for name, size in listed}
+        sizes: dict[str, int] = {plain_path(name): size for name, size in listed}
     except (TypeError, AttributeError, RecursionError) as error:
         raise ValueError("it has no list of files") from error
-    if len(sizes) != len(listed) or len(listed) > most_files or min(sizes.values(), default=0) < 0:
+    if not all(type(size) is int and size >= 0 for size in sizes.values()):
+        raise ValueError("its files have no sizes")
+    if len(sizes) != len(listed) or len(listed) > most_files:
         raise ValueError(f"it has {len(listed)} files, of at most {most_files}, or one twice")
     if sum(sizes.values()) > most_bytes:
         raise ValueError(f"it has {sum(sizes.values())} bytes, of at most {most_bytes}")
@@ -332,5 +339,5 @@ def _write_error(folder: Path, task: str, kind: str, what: str, cure: str = "") 
 
 def _write_record(file: Path, record: Mapping[str, Any]) -> None:
     unfinished = file.with_name(file.name + ".tmp")
-    unfinished.write_text(json.dumps(record), encoding="utf-8")
+    unfinished.write_bytes(json.dumps(record).encode())
     unfinished.replace(file)

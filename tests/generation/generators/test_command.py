@@ -9,13 +9,7 @@ import pytest
 from r2sego_blender.config.settings import GenerationSettings
 from r2sego_blender.core.errors import MachineError
 from r2sego_blender.generation.generators import command as generator_command
-from r2sego_blender.generation.generators.command import COMMAND_VARIABLE, SIZE_VARIABLE, _words, installation
-
-
-def test_a_command_is_read_as_its_system_writes_it():
-    told = r'"C:\Program Files\Python\python.exe" C:\gen\run.py --fast'
-    assert _words(told, "nt") == [r"C:\Program Files\Python\python.exe", r"C:\gen\run.py", "--fast"]
-    assert _words(r"'/opt/my gen/run' a\ b", "posix") == ["/opt/my gen/run", "a b"]
+from r2sego_blender.generation.generators.command import COMMAND_VARIABLE, SIZE_VARIABLE, installation
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from pathlib import Path
 
 import box_room
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from r2sego_blender.config.presets import with_overrides
 from r2sego_blender.config.settings import Settings
 from r2sego_blender.core.cameras import Camera, look_at
-from r2sego_blender.core.errors import MachineError, NativeError
+from r2sego_blender.core.errors import GenerationError, MachineError, NativeError
 from r2sego_blender.core.images import load_image, resize
 from r2sego_blender.generation.conditions.condition_files import load_conditions
 from r2sego_blender.generation.conditions.conditions import ZBufferRenderer
@@ -27,7 +28,7 @@ from r2sego_blender.generation.registration.frame_registration import Landmarks
 from r2sego_blender.views.references import with_references
 from r2sego_blender.views.selection import select_targets
 from r2sego_blender.workers.child import RUNNING
-from r2sego_blender.workers.external_environment import PROTOCOL
+from r2sego_blender.workers.generator_program import PROTOCOL
 
 SETTINGS = with_overrides(
     {
@@ -171,7 +172,7 @@ def test_an_answer_that_is_not_whole_is_told_in_a_line(room, generator_in, tmp_p
     generator_in(ANSWERING + mend + "\n" + TELLING)
     with (
         opened(room, tmp_path) as generator,
-        pytest.raises(NativeError, match=f"^Stand-in 2.1: the generator {said}") as caught,
+        pytest.raises(GenerationError, match=f"^Stand-in 2.1: the generator {said}") as caught,
     ):
         generator.generate(1, conditions_of(room))
     assert "\n" not in str(caught.value) and not RUNNING
@@ -251,14 +252,48 @@ if not seen.exists():
 """
     generator_in(once + ANSWERING + TELLING)
     observations = ego_views(room, tmp_path / "views")
-    reasons = [json.loads(p.read_text())["reason"] for p in sorted((tmp_path / "views").glob("*/pose.json"))]
-    assert reasons[0].startswith("rejected: ") and "the generator refused, too dark" in reasons[0]
+    first = reasons(tmp_path / "views")[0]
+    assert first.startswith("rejected: ") and "the generator refused, too dark" in first
     assert [view.rank for view in observations] == [1]
     assert load_pseudo_observations(tmp_path / "views")[0].rank == 1
 
 
-def test_a_program_that_breaks_stops_the_round(room, generator_in, tmp_path):
+def reasons(folder: Path) -> list[str]:
+    return [json.loads(file.read_text())["reason"] for file in sorted(folder.glob("*/pose.json"))]
+
+
+@pytest.mark.parametrize(
+    ("broken", "said"),
+    [
+        ("sys.exit('out of memory')", "ended with exit status 1. "),
+        ("os.kill(os.getpid(), 9)", "the generator "),
+        ('(folder / \'result.json\').write_text(\'{"protocol": 3, "backend": "x", "frames": 3}\')', "protocol 3"),
+    ],
+)
+def test_a_program_that_breaks_once_costs_one_view(room, generator_in, tmp_path, broken, said):
+    once = f"""
+import os, pathlib, sys
+folder, seen = pathlib.Path(sys.argv[1]), pathlib.Path({str(tmp_path / "seen")!r})
+if not seen.exists():
+    seen.write_text("")
+    {broken}
+    sys.exit()
+"""
+    generator_in(once + ANSWERING + TELLING)
+    observations = ego_views(room, tmp_path / "views")
+    assert [view.rank for view in observations] == [1]
+    first = reasons(tmp_path / "views")[0]
+    assert first.startswith("rejected: ") and said in first and "my generator.py" in first
+    assert not list((tmp_path / "views" / "000").glob("*.png"))  # nothing of it is kept
+    assert not RUNNING
+
+
+def test_a_program_that_always_breaks_is_named_and_then_stops_the_round(room, generator_in, tmp_path):
     generator_in("import sys; sys.exit('no weights')")
-    with pytest.raises(NativeError, match=r"ended with exit status 1\. .*Its last words: no weights$"):
-        ego_views(room, tmp_path / "views")
+    assert ego_views(room, tmp_path / "views") == ()
+    assert all("Its last words: no weights" in reason for reason in reasons(tmp_path / "views"))
+    with opened(room, tmp_path) as generator:
+        for kind in (GenerationError, GenerationError, NativeError):
+            with pytest.raises(kind, match=r"ended with exit status 1\. .*Its last words: no weights$"):
+                generator.generate(1, conditions_of(room))
     assert not RUNNING

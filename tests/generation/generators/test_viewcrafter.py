@@ -1,10 +1,10 @@
 """ViewCrafter behind the door to generator programs.
 
 It cannot run here. A stand-in environment and repository have its published names; all else is real:
-another process, request, conditions, frames and manifest.
+another process, request, conditions, frames and response.
 """
 
-import ast
+import hashlib
 import json
 import os
 import stat
@@ -20,10 +20,11 @@ from r2sego_blender.config.settings import GenerationSettings
 from r2sego_blender.core.errors import MachineError, NativeError
 from r2sego_blender.generation.generators import viewcrafter
 from r2sego_blender.generation.generators.registry import installation_of
-from r2sego_blender.workers import viewcrafter_program
 from r2sego_blender.workers.child import RUNNING
-from r2sego_blender.workers.external_environment import PROTOCOL
-from r2sego_blender.workers.generator_program import GeneratorProgram
+from r2sego_blender.workers.models import viewcrafter as viewcrafter_program
+from r2sego_blender.workers.protocol.asking import ask
+from r2sego_blender.workers.protocol.program_worker import ProgramWorker
+from r2sego_blender.workers.protocol.request import Request
 
 TORCH = """
 import contextlib
@@ -123,41 +124,46 @@ def repository(tmp_path, monkeypatch) -> Path:
     return repository
 
 
-def request_of(folder: Path, width: int, height: int, frames: int = 25) -> tuple[Path, np.ndarray]:
+def request_of(folder: Path, width: int, height: int, frames: int = 25) -> tuple[Request, np.ndarray]:
     """A clip's request, and its conditions (25, H, W, 3) uint8 with a black gap."""
     pixels = np.random.default_rng(0).integers(1, 255, (25, 9, 16, 3), np.uint8)
     pixels = pixels.repeat(height // 9 + 1, axis=1)[:, :height].repeat(width // 16, axis=2)
     pixels[1:, : height // 3, : width // 4] = 0
-    (folder / "conditions").mkdir(parents=True)
-    for index, image in enumerate(pixels):
-        Image.fromarray(image).save(folder / "conditions" / f"{index:03d}_points.png", compress_level=1)
-    request = {"protocol": PROTOCOL, "seed": 7, "frames": frames, "width": width, "height": height}
-    (folder / "request.json").write_text(json.dumps(request))
-    return folder, pixels
+    files = {f"conditions/{index:03d}_points.png": folder / f"{index:03d}.png" for index in range(25)}
+    folder.mkdir()
+    for file, image in zip(files.values(), pixels, strict=True):
+        Image.fromarray(image).save(file, compress_level=1)
+    return Request("clip", "", {"seed": 7, "frames": frames, "width": width, "height": height}, files), pixels
+
+
+def answered(worker: ProgramWorker, request: Request) -> None:
+    with ask(worker, request):
+        pass
 
 
 def command(clip_frames: int = 25) -> tuple[str, ...]:
     return viewcrafter.installation("viewcrafter", GenerationSettings(clip_frames=clip_frames)).command
 
 
-def viewcrafter_program_of() -> GeneratorProgram:
-    return GeneratorProgram(command(), "ViewCrafter", "Mend it.")
+def viewcrafter_worker() -> ProgramWorker:
+    return ProgramWorker(command(), "ViewCrafter", "Mend it.")
 
 
 def test_viewcrafter_gets_its_values_and_its_model_stays(tmp_path, repository):
     sizes = viewcrafter.SIZES.values()
     assert sorted(sizes) == sorted(viewcrafter_program._CONFIGURATIONS)
     processes = []
-    with viewcrafter_program_of() as program:
+    with viewcrafter_worker() as program:
         for index, (width, height) in enumerate(sizes):
-            folder, given = request_of(tmp_path / f"clip{index}", width, height)
-            told = program.answer(folder)
-            assert told["backend"] == f"ViewCrafter model.ckpt {width}x{height}"
-            assert told["frames"] == 25
+            request, given = request_of(tmp_path / f"clip{index}", width, height)
             expected = np.where(given == 0, 255, given)
-            for frame in (0, 24):
-                with Image.open(folder / "frames" / f"{frame:03d}.png") as image:
-                    np.testing.assert_array_equal(np.asarray(image), expected[frame])
+            with ask(program, request) as response:
+                assert response.backend == f"ViewCrafter model.ckpt {width}x{height}"
+                assert response.weights == hashlib.sha256(b"weights").hexdigest()
+                assert response.values == {"frames": 25}
+                for frame in (0, 24):
+                    with Image.open(response.file(f"frames/{frame:03d}.png")) as image:
+                        np.testing.assert_array_equal(np.asarray(image), expected[frame])
             processes.append({process.pid for process in RUNNING})
     assert len(processes[0]) == 1 and processes[0] == processes[1]
     assert not RUNNING
@@ -183,36 +189,29 @@ def test_viewcrafter_that_is_not_there_says_what_to_do(repository, monkeypatch):
 
 def test_viewcrafter_that_breaks_is_an_error_in_a_line(tmp_path, repository):
     torch = tmp_path / "packages" / "torch.py"
-    folder, _ = request_of(tmp_path / "no-gpu", 512, 320)
+    request, _ = request_of(tmp_path / "no-gpu", 512, 320)
     torch.write_text(TORCH.replace("GPU", "False"))
-    with viewcrafter_program_of() as program, pytest.raises(MachineError, match="needs an NVIDIA GPU"):
-        program.answer(folder)
-    folder, _ = request_of(tmp_path / "no-torch", 512, 320)
+    with viewcrafter_worker() as program, pytest.raises(MachineError, match="needs an NVIDIA GPU"):
+        answered(program, request)
+    request, _ = request_of(tmp_path / "no-torch", 512, 320)
     torch.write_text("raise ImportError('no torch')")
-    with viewcrafter_program_of() as program, pytest.raises(MachineError, match="not complete: no torch"):
-        program.answer(folder)
+    with viewcrafter_worker() as program, pytest.raises(MachineError, match="not complete: no torch"):
+        answered(program, request)
     torch.write_text(TORCH.replace("GPU", "True"))
-    folder, _ = request_of(tmp_path / "wrong-size", 640, 480)
-    with viewcrafter_program_of() as program, pytest.raises(MachineError, match="no frames of 640x480"):
-        program.answer(folder)
-    folder, _ = request_of(tmp_path / "short", 512, 320, frames=24)
-    with viewcrafter_program_of() as program, pytest.raises(MachineError, match="25 frames, not of 24"):
-        program.answer(folder)
+    request, _ = request_of(tmp_path / "wrong-size", 640, 480)
+    with viewcrafter_worker() as program, pytest.raises(MachineError, match="no frames of 640x480"):
+        answered(program, request)
+    request, _ = request_of(tmp_path / "short", 512, 320, frames=24)
+    with viewcrafter_worker() as program, pytest.raises(MachineError, match="25 frames, not of 24"):
+        answered(program, request)
     utils = repository / "utils" / "diffusion_utils.py"
     utils.write_text(DIFFUSION_UTILS.replace("    filled =", "    raise RuntimeError('out of memory')\n    #"))
-    folder, _ = request_of(tmp_path / "memory", 512, 320)
+    request, _ = request_of(tmp_path / "memory", 512, 320)
     with (
-        viewcrafter_program_of() as program,
-        pytest.raises(NativeError, match=r"ended with exit status 1\. .* Its last words: RuntimeError: out of memory$"),
+        viewcrafter_worker() as program,
+        pytest.raises(NativeError, match=r"^ViewCrafter: the worker broke: RuntimeError: out of memory\. Mend it\."),
     ):
-        program.answer(folder)
-
-
-def test_what_runs_in_viewcrafters_python_is_python_39_and_stands_alone():
-    tree = ast.parse(Path(viewcrafter_program.__file__).read_text(), feature_version=(3, 9))
-    imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
-    assert not any(node.level for node in imports)
-    assert viewcrafter_program.PROTOCOL == PROTOCOL
+        answered(program, request)
 
 
 def test_viewcrafter_is_known_by_its_weights_and_the_code_that_is_run(repository, monkeypatch):

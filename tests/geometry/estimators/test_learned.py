@@ -268,6 +268,16 @@ def test_photographs_of_another_shape_are_asked_for_apart_and_come_back_to_their
     }
 
 
+def test_many_photographs_are_asked_for_in_several_requests_in_their_order(captures, monkeypatch):
+    monkeypatch.setattr(moge.Estimator, "most_views", 2)
+    model = Model(metric_one)
+    assert len(moge.Estimator("moge-2", worker=model).estimate(captures, NO_POINTS)) == 3
+    assert [len(asked["pictures"]) for asked in model.requests] == [2, 1]
+    place = moge.Estimator("moge-2").placements([(200, 150)])[0]
+    asked = np.concatenate([one["pictures"] for one in model.requests])
+    np.testing.assert_array_equal(asked, [place.picture(one.image()) for one in captures])
+
+
 def test_a_request_that_fails_costs_its_photographs_alone_and_they_are_named(tmp_path):
     captures = [capture(tmp_path, 0), capture(tmp_path, 1, (150, 200)), capture(tmp_path, 2)]
 

@@ -149,13 +149,14 @@ def test_a_worker_that_breaks_costs_one_request_and_is_named(worker_of, how):
             return bool((response.array("depth", (4, 6)) == 1.0).all())
 
     assert works()
-    limits = Limits(seconds=2.0, silent_s=1.0, answer_bytes=1 << 20, files=20)
+    seconds = {"hangs": (60.0, 1.0), "talks for ever": (2.0, 60.0)}.get(how, (60.0, 60.0))
+    limits = Limits(*seconds, answer_bytes=1 << 20, files=20)
     began_s = time.monotonic()
     with pytest.raises(NativeError, match=said) as caught:
         depth_of(worker, limits)
     assert type(caught.value) is NativeError and caught.value.where == "stand-in"
     assert "Mend it" in str(caught.value) and "\n" not in str(caught.value)
-    assert time.monotonic() - began_s < 2.0 + 2.0
+    assert time.monotonic() - began_s < 2.0 + 2.0 or seconds == (60.0, 60.0)
     assert not RUNNING
     assert works()
 

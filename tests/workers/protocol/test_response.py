@@ -168,7 +168,7 @@ def test_what_is_too_large_is_not_read(tmp_path):
 def test_arrays_and_parameters_come_across_exactly(array, parameters):
     with tempfile.TemporaryDirectory() as asked, tempfile.TemporaryDirectory() as answered:
         write_request(Request("depth", "x", parameters, {"photograph": array}), Path(asked))
-        request = serving.read_request(Path(asked))
+        request = serving.read_request(Path(asked), Path(answered))
         assert (request.task, request.backend, request.parameters) == ("depth", "x", parameters)
         answer = serving.Answer("x", "", {"depth": request.array("photograph")})
         serving.write_answer(Path(answered), "depth", answer, 0.0)
@@ -180,7 +180,7 @@ def test_an_input_that_was_changed_on_its_way_is_not_taken(tmp_path):
     write_request(Request("depth", inputs={"photograph": DEPTH}), tmp_path)
     np.save(tmp_path / "photograph.npy", DEPTH + 1)
     with pytest.raises(ValueError, match="not what was sent"):
-        serving.read_request(tmp_path)
+        serving.read_request(tmp_path, tmp_path)
 
 
 def test_the_workers_side_is_python_39_and_stands_alone():

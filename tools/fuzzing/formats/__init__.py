@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from . import bundles, captures, declared, objects, pictures, robots, splats, trials, views
+from . import bundles, captures, declared, objects, pictures, robots, splats, trials, views, workers
 
 HARNESSES = (
     *splats.HARNESSES,
@@ -14,4 +14,5 @@ HARNESSES = (
     *bundles.HARNESSES,
     *views.HARNESSES,
     *trials.HARNESSES,
+    *workers.HARNESSES,
 )

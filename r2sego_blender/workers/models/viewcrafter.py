@@ -1,23 +1,20 @@
-"""ViewCrafter as a generator program (docs/backends.md), run by its path in ViewCrafter's Python.
-
-    python viewcrafter_program.py REPOSITORY CHECKPOINT FOLDER
+"""ViewCrafter in its own environment, a worker that makes clips. Its arguments are the repository and the checkpoint.
 
 Only what the repository publishes is used: ``utils.diffusion_utils`` with its functions
 ``instantiate_from_config``, ``load_model_checkpoint`` and ``image_guided_synthesis``, and its
 configurations. DUSt3R and PyTorch3D, which it makes its own point clouds with, are not needed:
-the clouds are the conditions'. The model stays loaded and waits for further folders on its
-standard input. This file runs under Python 3.9 and imports nothing of this package.
+the clouds are the conditions'. The model stays loaded. This file runs under Python 3.9.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from pathlib import Path
 from typing import Any
 
-PROTOCOL = 1
+from ..protocol.serving import Answer, Request, Tell, UnusableError, file_digest, serve
+
 FRAMES = 25
 
 _CONFIGURATIONS = {(1024, 576): "inference_pvd_1024.yaml", (512, 320): "inference_pvd_512.yaml"}
@@ -36,10 +33,6 @@ _SAMPLING = {
     "condition_index": [0],
 }
 _LATENT_STRIDE = 8  # pixels a side that one latent stands for
-
-
-class UnusableError(Exception):
-    """What is wrong with this environment, in words for the person."""
 
 
 class ViewCrafter:
@@ -86,56 +79,43 @@ class ViewCrafter:
         return np.clip(0.5 + 0.5 * made, 0.0, 1.0)
 
 
-def answer(folder: Path, repository: Path, checkpoint: Path, model: ViewCrafter | None) -> ViewCrafter:
-    """Generate the clip that ``folder`` asks for, with ``model`` if it is loaded; returns it."""
-    import numpy as np
-    from PIL import Image
+class Clips:
+    """The task "clip", with the model of the last clip's size."""
 
-    request = json.loads((folder / "request.json").read_text(encoding="utf-8"))
-    if request["protocol"] != PROTOCOL:
-        raise UnusableError(f"the request follows protocol {request['protocol']}, this program {PROTOCOL}")
-    if request["frames"] != FRAMES:
-        raise UnusableError(f"ViewCrafter makes clips of {FRAMES} frames, not of {request['frames']}")
-    size = (request["width"], request["height"])
-    if model is None or model.size != size:
-        model = ViewCrafter(repository, checkpoint, size)
-    frames = []
-    for index in range(FRAMES):
-        with Image.open(folder / "conditions" / f"{index:03d}_points.png") as image:
-            frames.append(np.asarray(image.convert("RGB"), np.float32) / 255.0)
-    made = model.clip(np.stack(frames), request["seed"])
-    (folder / "frames").mkdir()
-    for index, frame in enumerate(made):
-        pixels = (frame * 255.0 + 0.5).astype(np.uint8)
-        Image.fromarray(pixels).save(folder / "frames" / f"{index:03d}.png", compress_level=3)
-    name = f"ViewCrafter {checkpoint.name} {size[0]}x{size[1]}"
-    tell(folder, {"protocol": PROTOCOL, "backend": name, "frames": len(made), "waits": True})
-    return model
+    def __init__(self, repository: Path, checkpoint: Path) -> None:
+        self._repository, self._checkpoint = repository, checkpoint
+        self._model: ViewCrafter | None = None
+        self._weights = ""
+
+    def clip(self, request: Request, progress: Tell) -> Answer:
+        """The frames of a clip of its point conditions."""
+        import numpy as np
+        from PIL import Image
+
+        asked = request.parameters
+        if asked["frames"] != FRAMES:
+            raise UnusableError(f"ViewCrafter makes clips of {FRAMES} frames, not of {asked['frames']}")
+        size = (asked["width"], asked["height"])
+        if self._model is None or self._model.size != size:
+            self._model = ViewCrafter(self._repository, self._checkpoint, size)
+            self._weights = self._weights or file_digest(self._checkpoint)
+        shown = []
+        for index in range(FRAMES):
+            with Image.open(request.files[f"conditions/{index:03d}_points.png"]) as image:
+                shown.append(np.asarray(image.convert("RGB"), np.float32) / 255.0)
+        made = self._model.clip(np.stack(shown), asked["seed"])
+        (request.folder / "frames").mkdir()
+        outputs = {}
+        for index, frame in enumerate(made):
+            name = f"frames/{index:03d}.png"
+            outputs[name] = request.folder / name
+            Image.fromarray((frame * 255.0 + 0.5).astype(np.uint8)).save(outputs[name], compress_level=3)
+        backend = f"ViewCrafter {self._checkpoint.name} {size[0]}x{size[1]}"
+        return Answer(backend, self._weights, outputs, {"frames": len(made)})
 
 
-def tell(folder: Path, result: dict[str, Any]) -> None:
-    """Write ``result.json``, whole or not at all."""
-    unfinished = folder / "result.json.tmp"
-    unfinished.write_text(json.dumps(result), encoding="utf-8")
-    unfinished.replace(folder / "result.json")
-
-
-def main(repository: Path, checkpoint: Path, folder: Path) -> None:
-    """Answer ``folder`` and every folder that standard input names, until that ends."""
-    sys.path[0] = str(repository)  # in place of this file's folder, whose modules have other uses
+def main(repository: str, checkpoint: str) -> None:
+    """Serve clips, in the repository's folder."""
+    sys.path.insert(0, repository)
     os.chdir(repository)
-    model = None
-    while True:
-        try:
-            model = answer(folder, repository, checkpoint, model)
-        except UnusableError as error:
-            tell(folder, {"protocol": PROTOCOL, "error": str(error)})
-            sys.exit(1)
-        line = sys.stdin.readline()
-        if not line:
-            return
-        folder = Path(line.rstrip("\n"))
-
-
-if __name__ == "__main__":
-    main(*map(Path, sys.argv[1:4]))
+    serve({"clip": Clips(Path(repository), Path(checkpoint)).clip})
