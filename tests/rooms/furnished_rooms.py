@@ -101,6 +101,17 @@ def _along(rng: np.random.Generator, side: int, low: np.ndarray, high: np.ndarra
         centre[2], half[2] = (bottom + top) / 2, (top - bottom) / 2
         return Box(centre, half, 0.0, colour, paint)
 
+    window = rng.random() < 0.4
+    if window:
+        wide, sill, top = rng.uniform(1.0, 2.4), rng.uniform(0.6, 0.95), rng.uniform(1.9, 2.2)
+        middle, white = (low + high)[along] / 2 + rng.uniform(-0.4, 0.4), np.full(3, 0.85)
+        found.append(box(middle, wide, 0.01, sill, top, np.array([0.75, 0.8, 0.88])))
+        for edge in (-wide / 2, rng.uniform(-0.2, 0.2), wide / 2):
+            found.append(box(middle + edge, 0.06, 0.03, sill, top, white))
+        found.append(box(middle, wide + 0.1, 0.04, top, top + 0.06, white))
+        found.append(box(middle, wide + 0.2, 0.16, sill - 0.05, sill, white))
+        if rng.random() < 0.3:
+            found.append(box(middle - wide / 2, 0.5, 0.1, 0.03, top + 0.2, _colour(rng), BOOKS))
     at = low[along] + rng.uniform(0.0, 0.6)
     while at < high[along] - 0.6:
         kind = rng.integers(6)
@@ -117,7 +128,7 @@ def _along(rng: np.random.Generator, side: int, low: np.ndarray, high: np.ndarra
             found.append(box(at + width - 0.1, 0.2, 0.85, 0.0, 0.6, colour * 1.05))
         elif kind == 3:
             found.append(box(middle, 0.85, 0.04, 0.0, 2.0, colour))
-        if kind != 0 and kind != 3 and rng.random() < 0.7:
+        if kind != 0 and kind != 3 and not window and rng.random() < 0.7:
             bottom = rng.uniform(1.2, 1.5)
             found.append(
                 box(middle, rng.uniform(0.3, width), 0.03, bottom, bottom + rng.uniform(0.3, 0.8), _colour(rng), BOOKS)
@@ -245,7 +256,8 @@ def _hash(*cells: np.ndarray) -> np.ndarray:
 def _painted(room: FurnishedRoom, points: np.ndarray, side: np.ndarray) -> np.ndarray:
     """(H, W) brightness of floor, walls and ceiling."""
     x, y, z = np.moveaxis(points, -1, 0)
-    plain = 1.0 + 0.04 * _waves(points, room.seed, 0.9) + 0.03 * _waves(points, room.seed + 1, 0.2)
+    rough = 0.3 + 1.7 * (room.seed % 3)  # of three rooms one is smooth
+    plain = 1.0 + rough * (0.03 * _waves(points, room.seed, 0.9) + 0.03 * _waves(points, room.seed + 1, 0.2))
     if room.floor == WOOD:
         row = y / 0.14
         floor = 0.75 + 0.4 * _hash(row, x / 1.1 + 7 * _hash(row)) + 0.1 * np.sin(90 * y + 9 * np.sin(3 * x))

@@ -2,7 +2,7 @@
 
 How much its six sides tell of the colours seen (mutual information of side and colour), line segments that lie on a
 side they can lie on (orientation; Lee, Hebert and Kanade, CVPR 2009) and those that coincide with its edges (Hedau,
-Hoiem and Forsyth, ICCV 2009), how alike captures are where they show the same place of it, and known depth.
+Hoiem and Forsyth, ICCV 2009; a wall's foot has floor below), and known depth.
 """
 
 from __future__ import annotations
@@ -16,78 +16,98 @@ from scipy.cluster.vq import kmeans2
 
 from ...core.cameras import Camera
 from ...core.compiled import inlined, parallel_kernel, prange
-from .segments import Segments, directions, room_axes, samples
+from .room_box import FLOOR
+from .segments import ASTRAY, UPRIGHT, Segments, directions, room_axes, samples
 
-TEMPERATURE = 8.0
-"""By how much worse a score is that is e times less likely, as made-up rooms tell."""
+JITTER = 1e-3
+"""Of colours before they are clustered: a picture may have fewer colours than there are clusters."""
 
-_COLOURS = 24
+_COLOURS = 40
 _PIXELS = 2400  # of a capture, that are asked for their colours
 _USUAL_HEIGHT_M, _HEIGHT_SPREAD_M = 2.5, 0.25
-_COLOUR_WEIGHT, _EDGE_WEIGHT, _SIDE_WEIGHT = 400.0, 3.0, 1.0
-_BORDER_WEIGHT, _ALIKE_WEIGHT, _KNOWN_WEIGHT = 0.1, 0.05, 0.3
-_SKIRTING_COST = 3.0
 _EDGE_RAD = 0.008
-_ALIKE_STEP, _ALIKE_STEPS = 0.02, 40
+_BINS = 200  # of an edge's length, each of which is seen once
+_CLOSE_M = 2.0  # nearer to the camera most of what is low in the picture is floor
+# Fitted so that the true boxes of made-up rooms (tests/rooms/furnished_rooms.py) and of the development rooms
+# (tools/rooms) are likelier than others, by descent on the expected error; ``_terms`` says of what.
+_WEIGHTS = np.array(
+    [
+        49.0,  # colours: nats that the side tells of a pixel's colour
+        51.0,  # unlike: of the colours on the floor, negative logs of how much they look like floor
+        -40.0,  # before: share of the pixels whose known depth is behind the box
+        20.0,  # known: share of the pixels whose known depth is the box's
+        1.7,  # upright segments on walls
+        -1.4,  # upright segments on the floor
+        -85.0,  # segments on a side that they cannot lie on
+        14.0,  # corners of walls that segments cover
+        54.0,  # feet of walls, and skirting boards, that segments cover
+        100.0,  # edges of the ceiling that segments cover
+        -15.0,  # length of the feet seen
+        -54.0,  # length of the ceiling's edges seen
+        -2.6,  # half the square of how unusual the height is
+        -3.7,  # log of the area
+    ]
+)
+_COLOUR, _UNLIKE, _BEFORE, _KNOWN, _ON_WALL, _ON_FLOOR, _WRONG = range(7)
+_CORNERS, _FEET, _CEILING, _FEET_SEEN, _CEILING_SEEN, _HEIGHT, _AREA = range(7, 14)
 
 
 @dataclass(frozen=True)
 class BoxEvidence:
-    """What hypotheses are scored by, in the room's axes: rays of pixels with their colours, of segments' samples with
-    their directions and weights, each with its camera's centre."""
+    """What hypotheses are scored by, in the room's axes.
+
+    Of n pixels their unit rays (n, 3), captures, the number of pixels in the row above (0 in the first), clusters of
+    colour, and known distance along the ray, 0 unknown; ``floor_like`` of each cluster the log of how much it looks
+    like floor. Of m samples of segments rays, captures, directions, and how much each looks like a foot. ``centres``
+    (N, 3); ``finer``, how many times fewer pixels and samples than usual are asked.
+    """
 
     pixel_rays: np.ndarray
     pixel_views: np.ndarray
     row_of: np.ndarray
     colours: np.ndarray
+    floor_like: np.ndarray
     known: np.ndarray
     line_rays: np.ndarray
     line_views: np.ndarray
     line_directions: np.ndarray
-    line_weights: np.ndarray
+    line_feet: np.ndarray
     centres: np.ndarray
-    projections: np.ndarray
-    looks: np.ndarray
-    own: np.ndarray
-    alike: np.ndarray
     finer: float
 
-    def scores(self, boxes: np.ndarray) -> np.ndarray:
-        """(n,) of boxes (n, 6): x low, x high, y low, y high, height, height of the skirting board."""
+    def terms(self, boxes: np.ndarray) -> np.ndarray:
+        """(n, len(_WEIGHTS)) what speaks for boxes (n, 6): x low, x high, y low, y high, height, skirting board's."""
         counts = np.zeros((len(boxes), 6, _COLOURS))
-        terms = np.zeros((len(boxes), 4))
-        _score(
+        terms = np.zeros((len(boxes), len(_WEIGHTS)))
+        _terms(
             np.ascontiguousarray(boxes, np.float64),
             self.pixel_rays,
             self.pixel_views,
             self.row_of,
             self.colours,
+            self.floor_like,
             self.known,
             self.line_rays,
             self.line_views,
             self.line_directions,
-            self.line_weights,
+            self.line_feet,
             self.centres,
-            self.projections,
-            self.looks,
-            self.own,
-            self.alike,
             counts,
             terms,
         )
         share = counts / counts.sum((1, 2), keepdims=True)
         apart = share.sum(2, keepdims=True) * share.sum(1, keepdims=True)
-        told = (share * np.log(np.maximum(share, 1e-12) / np.maximum(apart, 1e-12))).sum((1, 2))
-        usual = 0.5 * ((boxes[:, 4] - _USUAL_HEIGHT_M) / _HEIGHT_SPREAD_M) ** 2
-        return (
-            _COLOUR_WEIGHT * told
-            + terms[:, 0]
-            - _BORDER_WEIGHT * terms[:, 1] * np.sqrt(self.finer)
-            + _ALIKE_WEIGHT * terms[:, 2] * self.finer
-            + _KNOWN_WEIGHT * terms[:, 3] * self.finer
-            - TEMPERATURE * usual
-            - _SKIRTING_COST * (boxes[:, 5] > 0)
-        )
+        terms[:, _COLOUR] = (share * np.log(np.maximum(share, 1e-12) / np.maximum(apart, 1e-12))).sum((1, 2))
+        terms[:, _UNLIKE : _KNOWN + 1] /= len(self.colours)
+        terms[:, _ON_WALL : _CEILING + 1] /= len(self.centres) * 100.0 / self.finer
+        terms[:, _FEET_SEEN : _CEILING_SEEN + 1] /= np.sqrt(len(self.colours)) * len(self.centres)
+        terms[:, _HEIGHT] = 0.5 * ((boxes[:, 4] - _USUAL_HEIGHT_M) / _HEIGHT_SPREAD_M) ** 2
+        terms[:, _AREA] = np.log(boxes[:, 1] - boxes[:, 0]) + np.log(boxes[:, 3] - boxes[:, 2])
+        return terms
+
+    def scores(self, boxes: np.ndarray) -> np.ndarray:
+        """(n,) log likelihood up to a constant of ``boxes``, as of ``terms``."""
+        return self.terms(boxes) @ _WEIGHTS
 
 
 def box_evidence(
@@ -127,42 +147,59 @@ def box_evidence(
         turned = np.eye(4)
         turned[:3, :3] = axes.T
         projections.append(small.matrix @ (small.camera_from_world @ turned)[:3])
-    _, clusters = kmeans2(np.concatenate(colours), _COLOURS, minit="++", iter=12, rng=seed)
+    pool = np.concatenate(colours)
+    pool = pool + np.random.default_rng(seed).normal(0.0, JITTER, pool.shape)
+    _, clusters = kmeans2(pool, _COLOURS, minit="++", iter=12, rng=seed)
     line_rays, owner = samples(segments, max(cameras[0].shape) / finer)
     kind = directions(segments, turn)
     centre = np.array([camera.centre for camera in cameras]) @ axes.T
-    weight = finer / max(1, len(cameras)) * np.ones(len(owner))
-    all_looks = np.array(looks)
+    floor_like = _floor_like(clusters, np.concatenate(rays), centre[np.concatenate(views), 2])
+    lines, feet, first = line_rays @ axes.T, np.zeros(len(owner)), 0
+    for index, look in enumerate(looks):
+        likely = floor_like[clusters[first : first + look[..., 0].size]].reshape(look.shape[:2])
+        first += likely.size
+        of = segments.view[owner] == index
+        feet[of] = _feet(lines[of], projections[index], likely)
     return BoxEvidence(
         np.concatenate(rays),
         np.concatenate(views),
         np.concatenate(rows),
         clusters.astype(np.int64),
+        floor_like,
         np.concatenate(distances),
-        np.ascontiguousarray(line_rays @ axes.T),
+        np.ascontiguousarray(lines),
         segments.view[owner],
         kind[owner],
-        weight,
+        feet,
         centre,
-        np.array(projections),
-        all_looks,
-        np.concatenate(colours),
-        _alike(np.concatenate(colours), seed),
         finer,
     )
 
 
-def _alike(colours: np.ndarray, seed: int) -> np.ndarray:
-    """(steps,) what a difference of appearance says for one surface against two by chance: the log of their ratio."""
-    rng = np.random.default_rng(seed)
-    one, other = rng.integers(len(colours), size=(2, 20000))
-    off = np.linalg.norm(colours[one] - colours[other], axis=1)
-    chance = np.bincount(np.minimum((off / _ALIKE_STEP).astype(int), _ALIKE_STEPS - 1), minlength=_ALIKE_STEPS) + 5.0
-    chance = chance / chance.sum()
-    middle = (np.arange(_ALIKE_STEPS) + 0.5) * _ALIKE_STEP
-    same = middle * np.exp(-middle / 0.04)
-    same = 0.7 * same / same.sum() + 0.3 * chance
-    return np.log(same / chance)
+def _floor_like(colours: np.ndarray, rays: np.ndarray, heights: np.ndarray) -> np.ndarray:
+    """(colours,) log of how much oftener each is low and close than above the horizon, where no floor is."""
+    low = -heights / np.minimum(rays[:, 2], -1e-6) < _CLOSE_M * 1.3
+    low &= rays[:, 2] < 0.0
+    floor = np.bincount(colours[low], minlength=_COLOURS) + 1.0
+    other = np.bincount(colours[rays[:, 2] > 0.0], minlength=_COLOURS) + 1.0
+    ratio: np.ndarray = np.clip(np.log(floor / floor.sum() / (other / other.sum())), -2.0, 2.0)
+    return ratio
+
+
+def _feet(rays: np.ndarray, projection: np.ndarray, likely: np.ndarray) -> np.ndarray:
+    """(m,) in [0, 1]: how much a picture looks like floor below points of segments and unlike it above, ``likely``
+    (H, W) being the log of how much each pixel does. ``projection`` (3, 4) is onto its pixels."""
+    height, width = likely.shape
+    pixels = rays @ projection[:, :3].T
+    pixels = pixels[:, :2] / np.maximum(pixels[:, 2:], 1e-6)
+    column, row = np.clip(pixels[:, 0].astype(int), 0, width - 1), pixels[:, 1]
+    below, above = (
+        np.mean([likely[np.clip((row + sign * k).astype(int), 0, height - 1), column] for k in (1, 2)], 0)
+        for sign in (1.0, -1.0)
+    )
+    floor = 1.0 / (1.0 + np.exp(-2.0 * np.clip(below, -2.0, 2.0)))
+    ends: np.ndarray = 1.0 / (1.0 + np.exp(-2.0 * np.clip(below - above - 0.3, -3.0, 3.0)))
+    return floor * ends
 
 
 def appearance(image: np.ndarray) -> np.ndarray:
@@ -204,94 +241,71 @@ def _coincides(ua, uz, da, dz):
 
 
 @parallel_kernel
-def _score(
-    boxes,
-    rays,
-    views,
-    row_of,
-    colours,
-    known,
-    line_rays,
-    line_views,
-    kinds,
-    weights,
-    centres,
-    projections,
-    looks,
-    own,
-    alike,
-    counts,
-    terms,
+def _terms(
+    boxes, rays, views, row_of, colours, floor_like, known, line_rays, line_views, kinds, feet, centres, counts, terms
 ):
     for b in prange(boxes.shape[0]):
         box = boxes[b]
+        term = np.zeros(terms.shape[1])
         labels = np.empty(rays.shape[0], np.int8)
-        border, likeness, agree = 0.0, 0.0, 0.0
         for i in range(rays.shape[0]):
             o, d = centres[views[i]], rays[i]
             side, t = _side(box, o, d)
             labels[i] = side
             counts[b, side, colours[i]] += 1.0
+            if side == FLOOR:
+                term[_UNLIKE] += min(floor_like[colours[i]], 0.0)
             row = row_of[i]
             if row > 0:
-                border += labels[i - row] != side
-                border += views[i - 1] == views[i] and labels[i - 1] != side
+                for j in (i - row, i - 1):
+                    if views[j] == views[i] and labels[j] != side:
+                        farther = max(labels[j], side)
+                        if farther >= FLOOR:
+                            term[_FEET_SEEN if farther == FLOOR else _CEILING_SEEN] += 1.0
             if known[i] > 0.0:
                 if t < known[i] * 0.95:
-                    agree -= 2.0
+                    term[_BEFORE] += 1.0
                 elif t < known[i] * 1.05:
-                    agree += 1.0
-            if i % 2 == 0:
-                best, seen = -10.0, False
-                x, y, z = o[0] + t * d[0], o[1] + t * d[1], o[2] + t * d[2]
-                for v in range(centres.shape[0]):
-                    if v == views[i]:
-                        continue
-                    p = projections[v]
-                    w = p[2, 0] * x + p[2, 1] * y + p[2, 2] * z + p[2, 3]
-                    if w < 0.2:
-                        continue
-                    u = (p[0, 0] * x + p[0, 1] * y + p[0, 2] * z + p[0, 3]) / w
-                    q = (p[1, 0] * x + p[1, 1] * y + p[1, 2] * z + p[1, 3]) / w
-                    if not (0.0 <= u < looks.shape[2] and 0.0 <= q < looks.shape[1]):
-                        continue
-                    off = 0.0
-                    for c in range(3):
-                        off += (looks[v, int(q), int(u), c] - own[i, c]) ** 2
-                    k = min(int(np.sqrt(off) / _ALIKE_STEP), _ALIKE_STEPS - 1)
-                    best = max(best, alike[k])
-                    seen = True
-                if seen:
-                    likeness += best
-        lines = 0.0
+                    term[_KNOWN] += 1.0
         h, skirting = box[4], box[5]
+        covered = np.zeros((centres.shape[0], 16, _BINS), np.float32)
         for i in range(line_rays.shape[0]):
             kind = kinds[i]
-            if kind == 3:
+            if kind == ASTRAY:
                 continue
-            o, d = centres[line_views[i]], line_rays[i]
-            side, t = _side(box, o, d)
-            value = 0.0
-            if kind == 2:
-                if side == 5:
-                    value -= _SIDE_WEIGHT
-                elif side < 4:
+            o, d, on = centres[line_views[i]], line_rays[i], covered[line_views[i]]
+            side, _ = _side(box, o, d)
+            wall = side // 2
+            if kind == UPRIGHT:
+                term[_ON_WALL if wall < 2 else _ON_FLOOR if side == FLOOR else _WRONG] += 1.0
+                if wall < 2:
+                    bin = int((d[2] + 1.0) * 0.499 * _BINS)
                     for cx in range(2):
                         for cy in range(2):
-                            value += _EDGE_WEIGHT * _coincides(box[cx] - o[0], box[2 + cy] - o[1], d[0], d[1])
+                            found = _coincides(box[cx] - o[0], box[2 + cy] - o[1], d[0], d[1])
+                            on[2 * cx + cy, bin] = max(on[2 * cx + cy, bin], found)
             else:
-                a = 1 - kind
-                w = side // 2
-                if w == kind:
-                    value -= _SIDE_WEIGHT
+                across = 1 - kind
+                if wall == kind:
+                    term[_WRONG] += 1.0
                 else:
-                    if w == a:
-                        value += _SIDE_WEIGHT
+                    bin = int((d[kind] + 1.0) * 0.499 * _BINS)
                     for c in range(2):
-                        ua = box[2 * a + c] - o[a]
-                        value += _EDGE_WEIGHT * _coincides(ua, -o[2], d[a], d[2])
-                        value += _EDGE_WEIGHT * _coincides(ua, h - o[2], d[a], d[2])
-                        if skirting > 0.0:
-                            value += _EDGE_WEIGHT * _coincides(ua, skirting - o[2], d[a], d[2])
-            lines += weights[i] * value
-        terms[b, 0], terms[b, 1], terms[b, 2], terms[b, 3] = lines, border, likeness, agree
+                        away, edge = box[2 * across + c] - o[across], 4 + 6 * across + 3 * c
+                        for k in range(3):
+                            z = 0.0 if k == 0 else h if k == 1 else skirting
+                            if k < 2 or skirting > 0.0:
+                                found = _coincides(away, z - o[2], d[across], d[2])
+                                if k == 0:
+                                    found *= feet[i]
+                                on[edge + k, bin] = max(on[edge + k, bin], found)
+        for v in range(centres.shape[0]):
+            for edge in range(16):
+                k = _CORNERS if edge < 4 else _CEILING if (edge - 4) % 3 == 1 else _FEET
+                for bin in range(_BINS):
+                    found = covered[v, edge, bin]
+                    if edge >= 4 and (edge - 4) % 3 == 2:  # a skirting board is over its foot
+                        found = min(found, covered[v, edge - 2, bin])
+                    term[k] += found
+        for k in range(terms.shape[1]):
+            terms[b, k] = term[k]

@@ -7,13 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...core.cameras import Camera
-from .box_evidence import TEMPERATURE, BoxEvidence, box_evidence
+from .box_evidence import BoxEvidence, box_evidence
 from .room_box import RoomBox
 from .segments import Segments, level_turn, room_axes
 
 _USUAL_HEIGHT_M = 2.5
 _LEAST_HEIGHT_M, _MOST_HEIGHT_M = 2.2, 4.5
 _NEAREST_WALL_M, _FARTHEST_WALL_M = 0.25, 9.0
+_REFINED = 4  # of the starts
+_TEMPERATURE = 3.0  # by how much a score falls where a box is e times less likely, as made-up rooms tell
 _STARTS = (0.5, 1.2, 2.2, 3.5)  # metres from the outermost captures
 
 
@@ -37,18 +39,18 @@ def find_box(
     heights = np.linspace(least_height, _MOST_HEIGHT_M, 40)
     skirtings = np.append(0.0, np.arange(0.04, 0.16, 0.01))
     grids = [inner[k] + outward[k] * away for k in range(4)] + [heights, skirtings]
-    best, best_score = np.zeros(6), -np.inf
+    climbed = []
     for start in _STARTS:
         for skirting in (0.0, 0.08):
             box = np.concatenate([inner + outward * start, [max(_USUAL_HEIGHT_M, least_height), skirting]])
-            box, score = _climbed(coarse, box, [*grids[:5], np.array([skirting])])
-            if score > best_score:
-                best, best_score = box, score
-    best, best_score = _climbed(evidence, best, grids)
+            climbed.append(_climbed(coarse, box, [*grids[:5], np.array([skirting])]))
+    climbed.sort(key=lambda found: -found[1])
+    refined = [_climbed(evidence, box, grids) for box, _ in climbed[:_REFINED]]
+    best, best_score = max(refined, key=lambda found: found[1])
     for width in (0.1, 0.02):
         fine = [best[k] + np.linspace(-width, width, 21) * (1.0 + abs(best[k]) * 0.2) for k in range(5)]
         best, best_score = _climbed(evidence, best, [*fine, skirtings])
-    sigma = _spread(evidence, best, grids)
+    sigma = np.hypot(_spread(evidence, best, grids), _apart(refined, best, best_score))
     low, high = np.array([best[0], best[2], 0.0]), np.array([best[1], best[3], best[4]])
     return RoomBox(turn, low, high, sigma, share), best_score
 
@@ -81,6 +83,14 @@ def _together(box: np.ndarray, wall: int, grids: Sequence[np.ndarray]) -> np.nda
     return tried
 
 
+def _apart(found: Sequence[tuple[np.ndarray, float]], best: np.ndarray, score: float) -> np.ndarray:
+    """(6,) metres, as ``_spread``: how far other good boxes are from the best, by how nearly they are as good."""
+    weight = np.exp((np.array([one for _, one in found]) - score) / _TEMPERATURE)
+    off = np.array([box for box, _ in found])[:, [0, 1, 2, 3, 4]] - best[:5]
+    sigma = np.sqrt((weight[:, None] * off**2).sum(0) / max(float(weight.sum()), 1e-9))
+    return np.insert(sigma, 4, 0.0)
+
+
 def _spread(evidence: BoxEvidence, box: np.ndarray, grids: Sequence[np.ndarray]) -> np.ndarray:
     """(6,) metres: how far each side may be off, by how much worse the score is elsewhere."""
     sigma = np.zeros(6)
@@ -89,6 +99,6 @@ def _spread(evidence: BoxEvidence, box: np.ndarray, grids: Sequence[np.ndarray])
         tried = np.repeat(box[None], len(places), 0)
         tried[:, k] = places
         scores = evidence.scores(tried)
-        weight = np.exp((scores - scores.max()) / TEMPERATURE) * np.gradient(places)
+        weight = np.exp((scores - scores.max()) / _TEMPERATURE) * np.gradient(places)
         sigma[side] = np.sqrt((weight * (places - box[k]) ** 2).sum() / weight.sum())
     return np.maximum(sigma, 0.02) * [1, 1, 1, 1, 0, 1]

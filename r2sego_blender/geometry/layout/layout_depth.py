@@ -1,4 +1,4 @@
-"""Depth of each capture from the room's layout alone: floor, walls and ceiling of a box."""
+"""Depth of each capture from the room's layout alone: floor, walls and ceiling of a box, and what stands in it."""
 
 from __future__ import annotations
 
@@ -13,11 +13,19 @@ from ...core.progress import SILENT, Progress
 from ..estimators.aligned_depth import AlignedDepth
 from ..stereo.evidence import KnownDepth
 from .box_search import find_box
-from .room_box import RoomBox
-from .segments import find_segments
+from .furniture import Standing, find_standing
+from .room_box import FLOOR, RoomBox
+from .segments import Segments, find_segments, level_turn
 
 _WORKING_PX = 320
-_LEAST_SIGMA = 0.05
+_FEWEST_SEGMENTS = 5  # a capture
+_LEAST_SHARE = 0.1  # of the segments' length, that follows two square directions
+_USUAL_M, _USUAL_SIGMA_M = 2.0, 1.0  # from the outermost captures to a wall, where nothing tells
+_USUAL_HEIGHT_M, _HEIGHT_SIGMA_M = 2.5, 0.3
+
+# Relative, as made-up rooms tell (tests/geometry/layout).
+_SIGMA, _FLOOR_SIGMA, _STRANGE_SIGMA = 0.05, 0.02, 0.3
+_STANDING_SIGMA, _CUT_SIGMA = 0.2, 0.35
 
 
 def layout_depth(
@@ -31,12 +39,10 @@ def layout_depth(
     cameras = [capture.camera.fitted(_WORKING_PX) for capture in captures]
     images = [resize(one.image(), to.width, to.height) for one, to in zip(captures, cameras, strict=True)]
     known = [resize_nearest(view.depth, *camera.shape) for view, camera in zip(trusted, cameras, strict=True)]
-    box, _ = find_box(images, cameras, find_segments(images, cameras), known)
-    found = []
-    for view in trusted:
-        depth, sigma = _of_box(box, view.camera)
-        found.append(AlignedDepth(depth, sigma, view.camera))
-    return tuple(found)
+    segments = find_segments(images, cameras)
+    box = _room(images, cameras, segments, known, progress)
+    standing = find_standing(images, cameras, segments, box)
+    return tuple(_with_standing(box, view.camera, one) for view, one in zip(trusted, standing, strict=True))
 
 
 def with_layout(
@@ -56,9 +62,31 @@ def with_layout(
     return tuple(b if lacks else a for a, b, lacks in zip(estimates, told, lacking, strict=True))
 
 
-def _of_box(box: RoomBox, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """(H, W) float32 planar depth of the box and its relative sigma."""
+def _room(
+    images: Sequence[np.ndarray],
+    cameras: Sequence[Camera],
+    segments: Segments,
+    known: Sequence[np.ndarray],
+    progress: Progress,
+) -> RoomBox:
+    if len(segments.view) >= _FEWEST_SEGMENTS * len(cameras) and level_turn(segments)[1] >= _LEAST_SHARE:
+        return find_box(images, cameras, segments, known)[0]
+    progress.message("the photographs show no edges of a room: walls are taken to be where they usually are", "warning")
+    centres = np.array([camera.centre for camera in cameras])
+    low, high = centres.min(0) - _USUAL_M, centres.max(0) + _USUAL_M
+    low[2], high[2] = 0.0, max(_USUAL_HEIGHT_M, float(centres[:, 2].max()) + _HEIGHT_SIGMA_M)
+    sigma = np.array([_USUAL_SIGMA_M] * 4 + [0.0, _HEIGHT_SIGMA_M])
+    return RoomBox(0.0, low, high, sigma, 0.0)
+
+
+def _with_standing(box: RoomBox, camera: Camera, standing: Standing) -> AlignedDepth:
+    """Planar depth of the box and of what stands before its walls, for each pixel of ``camera``."""
     depth, side = box.hit(camera)
-    off = box.sides - np.repeat(box.axes @ camera.centre, 2)
-    sigma = np.hypot(box.sigma / np.maximum(np.abs(off), 0.1), _LEAST_SIGMA)[side]
-    return depth.astype(np.float32), sigma.astype(np.float32)
+    off = np.abs(box.sides - np.repeat(box.axes @ camera.centre, 2))
+    sigma = np.hypot(box.sigma / np.maximum(off, 0.1), np.where(np.arange(6) == FLOOR, _FLOOR_SIGMA, _SIGMA))[side]
+    before, odds = (resize_nearest(one, *camera.shape) for one in (standing.depth, standing.odds))
+    cut = resize_nearest(standing.cut, *camera.shape)
+    sigma = np.where((side == FLOOR) & (odds > 0.0), _STRANGE_SIGMA, sigma)
+    stands = (before > 0.0) & (before < depth)
+    sigma = np.where(stands, np.where(cut, _CUT_SIGMA, _STANDING_SIGMA), sigma)
+    return AlignedDepth(np.where(stands, before, depth).astype(np.float32), sigma.astype(np.float32), camera)
