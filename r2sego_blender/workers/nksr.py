@@ -13,6 +13,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .external_environment import named_python
+from .learned_backends import LEARNED_BACKENDS
 from .protocol.asking import ask
 from .protocol.program_worker import ProgramWorker, library_command
 from .protocol.request import Request
@@ -21,7 +22,7 @@ from .protocol.response import Limits
 if TYPE_CHECKING:
     import numpy as np
 
-PYTHON_VARIABLE = "R2SEGO_NKSR_PYTHON"
+PYTHON_VARIABLE = LEARNED_BACKENDS["nksr"].variable
 _NAME = "NKSR"
 _LIMITS = Limits(seconds=1800.0, silent_s=1800.0)
 _CURE = (

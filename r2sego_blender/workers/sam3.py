@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.json_files import finite_number
 from .external_environment import named_python
+from .learned_backends import LEARNED_BACKENDS
 from .protocol.asking import ask
 from .protocol.program_worker import ProgramWorker, library_command
 from .protocol.request import Request
@@ -27,7 +28,7 @@ from .protocol.response import Limits, Response
 if TYPE_CHECKING:
     import numpy as np
 
-PYTHON_VARIABLE = "R2SEGO_SAM3_PYTHON"
+PYTHON_VARIABLE = LEARNED_BACKENDS["sam3"].variable
 _NAME = "SAM 3"
 _WHITE = 128
 _LIMITS = Limits(seconds=1800.0, silent_s=1800.0)

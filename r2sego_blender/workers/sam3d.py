@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 
 from ..core.errors import MachineError
 from .external_environment import named_python
+from .learned_backends import LEARNED_BACKENDS
 from .models.sam3d import PIPELINE
 from .protocol.asking import ask
 from .protocol.program_worker import ProgramWorker, library_command
@@ -31,7 +32,7 @@ from .protocol.response import Limits
 if TYPE_CHECKING:
     import numpy as np
 
-PYTHON_VARIABLE = "R2SEGO_SAM3D_PYTHON"
+PYTHON_VARIABLE = LEARNED_BACKENDS["sam3d"].variable
 REPOSITORY_VARIABLE = "R2SEGO_SAM3D_REPOSITORY"
 _NAME = "SAM 3D Objects"
 _LIMITS = Limits(seconds=4 * 3600.0, silent_s=4 * 3600.0)

@@ -18,6 +18,7 @@ from ...config.settings import GenerationSettings
 from ...core.digests import file_identity
 from ...core.errors import MachineError
 from ...workers.external_environment import named_python
+from ...workers.learned_backends import LEARNED_BACKENDS
 from ...workers.models.viewcrafter import FRAMES
 from ...workers.protocol.program_worker import ProgramWorker, library_command
 from .program import program_generator
@@ -26,7 +27,7 @@ from .slot import ClipInputs, Generator, Installation
 BACKENDS = {"viewcrafter": "ViewCrafter", "viewcrafter_512": "ViewCrafter (512 x 320)"}
 ORDER = 1
 
-PYTHON_VARIABLE = "R2SEGO_VIEWCRAFTER_PYTHON"
+PYTHON_VARIABLE = LEARNED_BACKENDS["viewcrafter"].variable
 REPOSITORY_VARIABLE = "R2SEGO_VIEWCRAFTER_REPOSITORY"
 CHECKPOINT_VARIABLE = "R2SEGO_VIEWCRAFTER_CHECKPOINT"
 """Names the weights; without it, they are ``checkpoints/model.ckpt`` in the repository."""
