@@ -81,8 +81,9 @@ def test_a_worker_keeps_its_model_and_is_started_again_after_it_died(worker_of):
         with ask(worker, REQUEST) as response:
             numbers.append(response.values["process"])
     assert numbers[0] == numbers[1]
+    (process,) = RUNNING
     os.kill(numbers[0], signal.SIGTERM)
-    wait_until(lambda: not birth(numbers[0]), 10.0)
+    wait_until(lambda: process.poll() is not None, 10.0)  # it is no more before its parent knows of its end
     with ask(worker, REQUEST) as response:
         assert response.values["process"] != numbers[0]
     worker.close()
