@@ -124,16 +124,15 @@ class CaptureSteps:
             settings=[self.h.stereo, self.h.seed],
             fits=lambda maps, captures, *_: maps.of(captures),
         )
-        captures = RegisteredCaptures(CAPTURES, SPARSE, depth)
         asset = self._make(
             INITIAL_ASSET,
             lift,
             CAPTURES,
             depth,
-            *self._carrying(captures),
+            *self._carrying,
             settings=[self.h.stereo, self._stride_px, self.h.training.detailed_share],
         )
-        return captures, asset
+        return RegisteredCaptures(CAPTURES, SPARSE, depth), asset
 
     def observed_and_prior_geometry(
         self, captures: RegisteredCaptures
@@ -162,7 +161,7 @@ class CaptureSteps:
             found = find_planes(observed, cameras, self.h.proxy, rng, *off_m)
             return with_missing_bounds(found, captures, depth.of(captures), observed, self.h)
 
-        estimated = self._carrying(captures)
+        estimated = self._carrying
         observed = self._make(OBSERVED, fuse, *captures, *estimated, settings=self.h.stereo)
         planes = self._make(
             PLANES,
@@ -204,7 +203,7 @@ class CaptureSteps:
             photographs,
             depth,
             planes,
-            *self._estimated(captures),
+            *self._estimated,
             settings=[self.h.stereo, self.h.proxy],
             fits=lambda maps, captures, *_: maps.of(captures),
             also=[observed.key],
@@ -257,7 +256,8 @@ class CaptureSteps:
                 self.progress.message(f"{one.name}: no prior, {one.refusal}", "warning")
         return aligned
 
-    def _estimated(self, captures: RegisteredCaptures) -> list[Artifact[PerCapture[AlignedDepth]]]:
+    @cached_property
+    def _estimated(self) -> list[Artifact[PerCapture[AlignedDepth]]]:
         """The depth in the world's metres that the bundle's estimator gives, and the room's layout where hardly
         anything is known; nothing where there is neither."""
         recorded = [ESTIMATES] if (self.runner.scene.path / ESTIMATES.name).is_dir() else []
@@ -282,16 +282,17 @@ class CaptureSteps:
         estimated = self._make(
             ESTIMATED,
             align,
-            *captures,
+            *RegisteredCaptures(),
             *recorded,
             settings=self.h.stereo if self.h.proxy.layout == "auto" else [self.h.stereo, self.h.proxy.layout],
             fits=lambda maps, captures, *_: maps.of(captures),
         )
         return [estimated]
 
-    def _carrying(self, captures: RegisteredCaptures) -> list[Artifact[PerCapture[AlignedDepth]]]:
+    @property
+    def _carrying(self) -> list[Artifact[PerCapture[AlignedDepth]]]:
         """The estimated depth where it carries a capture, else nothing."""
-        return self._estimated(captures) if (self._known < CARRIED).any() else []
+        return self._estimated if (self._known < CARRIED).any() else []
 
     def _needs_layout(self, known: np.ndarray) -> bool:
         """Whether so little is ``known`` (N,) of all captures that the room's layout has to say something."""
