@@ -8,6 +8,7 @@ from box_room import lens, write_captures
 from cameras_file import save_cameras_json
 from disturbed_depth import disturbed
 
+from r2sego_blender.bundle.runner import Plan
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.frame.scale import Scale
 from r2sego_blender.captures.sparse_points import SPARSE
@@ -119,6 +120,10 @@ def test_the_layout_carries_what_nothing_else_does_and_is_named(photographs, tmp
     assert _right(scene, depths, 0.25) > 0.6
     assert np.abs(np.median(_floor_m(scene))) < 0.05
     assert all((one.depth > 0.0).any() for one in scene.read(ESTIMATED).of(scene.read(CAPTURES)))
+    plan = Plan(Scene.open(scene.path))
+    refine(plan.scene, until=PROXY.of_round(0).name, runner=plan)
+    assert [step.target for step in plan.steps].count(ESTIMATED.name) == 1
+    assert not any(step.why for step in plan.steps)
     stamp = (scene.path / ESTIMATED.name).stat().st_mtime_ns
     refine(Scene.open(scene.path), until=COMPLETED.name)
     assert (scene.path / ESTIMATED.name).stat().st_mtime_ns == stamp
