@@ -23,6 +23,7 @@ from .capture import Capture
 from .colmap import load_pycolmap
 from .matching.features import Features, sift
 from .matching.overlap import (
+    OVERLAP_CURE,
     Matched,
     Pairs,
     confirming,
@@ -136,7 +137,7 @@ def triangulate_matches(
             raise NoOverlapError(
                 f"the captures share {len(points)} points, too few to measure anything by",
                 where="captures",
-                cure="Photograph the same room from viewpoints that overlap by half, sharp and well lit.",
+                cure=OVERLAP_CURE,
             )
         raise CaptureError(
             f"the captures overlap, but only {len(points)} points lie in front of their cameras",

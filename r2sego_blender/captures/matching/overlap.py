@@ -31,6 +31,9 @@ _NEAREST = 16
 _RAYS_A_SIDE = 3
 _DEPTHS = (0.25, 0.5, 1.0)
 
+OVERLAP_CURE = "Photograph the same room from viewpoints that overlap by half, sharp and well lit."
+"""What helps where photographs share too little."""
+
 Pairs = dict[tuple[int, int], np.ndarray]
 """Matches (m, 2) int32 of feature indices for pairs (i, j), i < j, of photographs."""
 
@@ -178,7 +181,7 @@ def _nothing_overlaps(contradicting: int, settings: CaptureSettings) -> CaptureE
     return NoOverlapError(
         f"no two photographs share {settings.min_matches} matches that fit their poses",
         where="captures",
-        cure="Photograph the same room from viewpoints that overlap by half, sharp and well lit.",
+        cure=OVERLAP_CURE,
     )
 
 

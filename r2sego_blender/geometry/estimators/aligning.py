@@ -54,7 +54,7 @@ def align_estimates(
     ]
     by_floor = {}
     for index, view in enumerate(trusted):
-        if index in own and (view.depth > 0.0).mean() < CARRIED:
+        if index in own and is_carried(view.depth):
             floor = floor_in(own[index][0], view.camera)
             by_floor[index] = np.where(known[index] > 0.0, known[index], floor)
     found: dict[int, Aligned] = {}
@@ -76,6 +76,11 @@ def align_estimates(
     if found:
         progress.message(_in_words(found, placed, kept))
     return brought_together(kept)
+
+
+def is_carried(known: np.ndarray) -> bool:
+    """Whether so little of a capture's depth (H, W) is ``known`` that what is estimated carries it."""
+    return bool((known > 0.0).mean() < CARRIED)
 
 
 def _at_size_of(estimate: EstimatedDepth, capture: Capture, camera: Camera) -> tuple[np.ndarray, np.ndarray]:

@@ -27,7 +27,7 @@ from ...core.cameras import Camera
 from ...core.images import resize
 from ...core.progress import SILENT, Progress
 from ..estimators.aligned_depth import AlignedDepth, certainty_of
-from ..estimators.aligning import CARRIED
+from ..estimators.aligning import is_carried
 from ..stereo.edges import aligned_to_edges
 from ..stereo.evidence import FREE_MARGIN, KnownDepth, collect_votes, seen_by_others
 from ..stereo.stereo import DepthMap
@@ -79,7 +79,7 @@ def complete_depth(
     trusted = trusted_depth(depth_maps, settings.stereo)
     weak = weak_depth(depth_maps, trusted, settings.stereo)
     views = [_View.of(*view) for view in zip(captures, depth_maps, trusted, weak, strict=True)]
-    carrying = [one for one, view in zip(estimates, views, strict=False) if _is_carried(view)]
+    carrying = [one for one, view in zip(estimates, views, strict=False) if is_carried(view.known)]
     known = [*(view.known for view in views), *(one.depth for one in carrying)]
     farthest_m = _FARTHEST * max((float(depth.max()) for depth in known), default=0.0) or np.inf
     with progress.task("Completing depth", len(views)) as task:
@@ -189,7 +189,7 @@ def _completed(
             (observed, 0.0),
         ):
             doubt[mask] = np.broadcast_to(sigma, doubt.shape)[mask]
-        sigmas = _CARRIED_SIGMAS if _is_carried(view) else _SIGMAS
+        sigmas = _CARRIED_SIGMAS if is_carried(view.known) else _SIGMAS
         apart = np.abs(depth - estimate.depth) > sigmas * estimate.sigma * estimate.depth
         surer = (estimate.depth > 0) & (estimate.depth <= last) & apart & (estimate.sigma < doubt)
         depth[surer], source[surer] = estimate.depth[surer], DepthSource.ESTIMATED
@@ -201,10 +201,6 @@ def _completed(
         return CompletedDepth(depth, source, view.camera)
     certainty = np.where(source == DepthSource.ESTIMATED, certainty_of(estimate.sigma), np.float32(0.0))
     return CompletedDepth(depth, source, view.camera, certainty)
-
-
-def _is_carried(view: _View) -> bool:
-    return bool((view.known > 0.0).mean() < CARRIED)
 
 
 def overlapping(index: int, views: Sequence[Any], count: int) -> list[Any]:
