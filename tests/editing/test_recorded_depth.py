@@ -35,13 +35,7 @@ def scene(tmp_path: Path) -> Scene:
         save_image(path, np.full((60, 80, 3), 0.5, np.float32))
         camera = Camera(80, 60, 70.0, 70.0, 40.0, 30.0, look_at((index - 1.0, -2, 1.4), (0, 0.5, 0.4)))
         captures.append(Capture(path.name, path, camera))
-    nothing = SparsePoints(
-        np.zeros((0, 3)),
-        np.zeros((0, 3), np.uint8),
-        np.zeros((0, 3), bool),
-        np.zeros(0),
-        np.zeros((0, 3, 2), np.float32),
-    )
+    nothing = SparsePoints.none(len(captures))
 
     def fill(folder: Path) -> None:
         (folder / "captures").mkdir()

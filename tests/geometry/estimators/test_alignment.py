@@ -22,9 +22,7 @@ from r2sego_blender.geometry.estimators.floor import floor_in
 from r2sego_blender.geometry.stereo.evidence import KnownDepth
 
 COUNT = 5
-NO_POINTS = SparsePoints(
-    np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros((0, COUNT), bool), np.zeros(0), np.zeros((0, COUNT, 2))
-)
+NO_POINTS = SparsePoints.none(COUNT)
 
 
 class Told(Progress):

@@ -23,9 +23,7 @@ from r2sego_blender.workers.protocol.serving import RANDOM, Answer, answer
 NORMAL, OFFSET = np.array([0.4, 1.0, 0.3]), 4.0
 """A wall: world points X with NORMAL @ X = OFFSET."""
 
-NO_POINTS = SparsePoints(
-    np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros((0, 4), bool), np.zeros(0), np.zeros((0, 4, 2), np.float32)
-)
+NO_POINTS = SparsePoints.none(4)
 PLACES = [((-0.8, 0.0, 1.4), (0.1, 3, 1)), ((0.0, 0.2, 1.5), (0, 3, 1.2)), ((0.7, -0.1, 1.3), (0.4, 3, 1.5))]
 
 

@@ -17,15 +17,7 @@ from r2sego_blender.geometry.estimators.backends import depth_estimator
 from r2sego_blender.geometry.estimators.own_worker import WORKER_VARIABLE
 from r2sego_blender.workers.protocol import serving
 
-NO_POINTS = SparsePoints(
-    *(
-        np.zeros((0, 3)),
-        np.zeros((0, 3), np.uint8),
-        np.zeros((0, 2), bool),
-        np.zeros(0),
-        np.zeros((0, 2, 2), np.float32),
-    )
-)
+NO_POINTS = SparsePoints.none(2)
 WORKER = """
 import numpy as np
 from serving import Answer, serve

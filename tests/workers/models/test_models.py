@@ -23,9 +23,7 @@ from r2sego_blender.workers.protocol.program_worker import ProgramWorker, librar
 from r2sego_blender.workers.protocol.request import Request
 from r2sego_blender.workers.protocol.serving import file_digest
 
-NO_POINTS = SparsePoints(
-    np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros((0, 3), bool), np.zeros(0), np.zeros((0, 3, 2), np.float32)
-)
+NO_POINTS = SparsePoints.none(3)
 NAMED = {
     "depth-anything-3-base": "Depth Anything 3 BASE 0.1.1",
     "mapanything": "MapAnything 1.1",
