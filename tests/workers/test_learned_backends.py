@@ -109,11 +109,15 @@ class Inference:
 
 
 class Environment:
-    """An interpreter that finds stand-in packages first."""
+    """An interpreter that finds stand-in packages first, and keeps no bytecode of them.
+
+    Bytecode is known by its source's second and size: another stand-in of the same size, written
+    within that second, would not be read.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.python = folder, folder / "python"
-        self.python.write_text(f'#!/bin/sh\nPYTHONPATH="{folder}:$PYTHONPATH" exec "{sys.executable}" "$@"\n')
+        self.python.write_text(f'#!/bin/sh\nPYTHONPATH="{folder}:$PYTHONPATH" exec "{sys.executable}" -B "$@"\n')
         self.python.chmod(self.python.stat().st_mode | stat.S_IXUSR)
 
     def has(self, **modules: str) -> None:
