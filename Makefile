@@ -8,11 +8,13 @@
 #   make measure    how quickly it draws with a large scene, and its memory: BLENDER=... make measure
 #   make lock       requirements/, the packages with their hashes, after a change of pyproject.toml's lists
 # For an NVIDIA GPU under Linux: make install CUDA=1, which fetches 3 GB more
+# To train policies: make install POLICY=1, 120 MB more
 PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/pip install --quiet --disable-pip-version-check
 LOCKED := $(PIP) --require-hashes
+lists = $(foreach list,$(1),--requirement requirements/$(list).txt)
 DEMO_SCENE := build/demo_room.r2s
 # Of torch the index of packages has for Linux the build with CUDA; PyTorch's own has the one for processors.
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
@@ -26,16 +28,16 @@ help:
 
 # torch comes first, alone and by its hash: no other package is looked for in its index. A build on disk is
 # taken where pip knows of one.
-$(VENV)/.installed: pyproject.toml requirements/torch.txt requirements/engine.txt requirements/cuda.txt | python
+$(VENV)/.installed: pyproject.toml requirements/torch.txt requirements/engine.txt requirements/policy.txt requirements/cuda.txt | python
 	$(PYTHON) -m venv $(VENV)
 	$(if $(CUDA),,$(LOCKED) --no-deps $(TORCH_FROM) --requirement requirements/torch.txt)
-	$(LOCKED) --requirement requirements/engine.txt $(if $(CUDA),--requirement requirements/cuda.txt)
+	$(LOCKED) $(call lists,engine $(if $(CUDA),cuda) $(if $(POLICY),policy))
 	$(PIP) --no-index --no-deps --no-build-isolation --editable .
 	@touch $@
 
 # On top, for tests alone: bpy is 350 MB, and needs libraries of X11 and GL that the demo does not.
 $(VENV)/.tests-installed: $(VENV)/.installed requirements/tests.txt
-	$(LOCKED) --requirement requirements/engine.txt --requirement requirements/tests.txt
+	$(LOCKED) $(call lists,engine policy tests)
 	@touch $@
 
 install: $(VENV)/.installed

@@ -5,7 +5,8 @@ exact versions for every Python and system that is supported, each file by its S
 
     torch.txt   torch alone: the build for processors
     engine.txt  all else that the engine needs, and what builds this package
-    tests.txt   on top, for the tests
+    policy.txt  on top, for training policies
+    tests.txt   on top of both, for the tests
     cuda.txt    on top and in place of torch.txt, for an NVIDIA GPU under Linux
 
 The versions are uv's choice (``make lock`` runs all this) at the package index. Of a version there are the wheels
@@ -150,17 +151,22 @@ def main() -> None:
     parser.add_argument("--uv", default=str(uv) if uv.exists() else shutil.which("uv") or "uv")
     parser.add_argument("--out", type=Path, default=ROOT / "requirements", help="folder of the lock")
     options = parser.parse_args()
-    plain, tests, cuda = (resolved(extras, options.uv) for extras in ((), ("blender", "test"), ("cuda",)))
+    for_tests = ("blender", "policy", "test")
+    plain, policy, tests, cuda = (resolved(extras, options.uv) for extras in ((), ("policy",), for_tests, ("cuda",)))
     linux = tuple(target for target in TARGETS if target.system == "linux")
     engine = [one for package in plain if not _OF_CUDA.fullmatch(package["name"]) for one in locked(package)]
-    on_top = [one for package in tests if not _OF_CUDA.fullmatch(package["name"]) for one in locked(package)]
+    to_train, to_test = (
+        [one for package in packages if not _OF_CUDA.fullmatch(package["name"]) for one in locked(package)]
+        for packages in (policy, tests)
+    )
     for_gpu = [
         one for package in cuda for one in locked(package, linux if _OF_CUDA.fullmatch(package["name"]) else TARGETS)
     ]
     files = {
         "torch": torch_alone(next(package for package in plain if package["name"] == "torch")),
         "engine": engine,
-        "tests": [one for one in on_top if one not in engine],
+        "policy": [one for one in to_train if one not in engine],
+        "tests": [one for one in to_test if one not in engine and one not in to_train],
         "cuda": [one for one in for_gpu if one not in engine],
     }
     options.out.mkdir(exist_ok=True)

@@ -22,7 +22,7 @@ DOORS = ("operators", "panels", "batch")
 LAYERS = (
     "__main__",
     "commands",
-    "evaluation trials",
+    "evaluation policy trials",
     "results editing",
     "pipeline",
     "refine",
