@@ -1,5 +1,6 @@
-"""Gymnasium environments of a bundle: what the robot sees and feels in it, and what becomes of its commands.
+"""What a policy is trained in: episodes in a bundle's scene, as Gymnasium environments.
 
-Physics on the collision surface, pictures of the visual asset. Uses ``robot`` and ``splats``; of the packages of
-the extra ``policy`` Gymnasium alone, and no torch. Begin with ``environments``, then ``episode`` and ``head_image``.
+Physics on the collision surface, pictures of the visual asset. Uses ``robot`` for physics and the low level,
+``splats`` and ``geometry`` for what the head camera sees; of the extra ``policy`` Gymnasium alone, and no torch.
+Begin with ``environments``; ``state`` is what is known of an episode besides its observation.
 """
