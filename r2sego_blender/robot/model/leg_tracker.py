@@ -32,7 +32,7 @@ class LegTracker:
     def __init__(self, robot: Legged) -> None:
         model, legs = robot.model, robot.legs
         self._model, self._data, self._rest_qpos = model, mujoco.MjData(model), robot.rest_qpos
-        joints = max((len(leg.joints) for leg in legs), default=0)
+        joints = max((len(leg.joints) for leg in legs), default=1)
         shape = len(legs), joints
         # Legs with fewer joints than others have some that count for nothing.
         self._address, dof = np.zeros(shape, int), np.zeros(shape, int)
