@@ -1,10 +1,10 @@
-"""The pages' links lead to files and headings that are there."""
+"""The pages' links lead to files and headings that are there, and no merge left its marks."""
 
 import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "demo").rglob("*.md")]
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "demo").rglob("*.md")]
 LINK = re.compile(r"\]\((?!https?:)([^)#\s]*)(?:#([^)\s]*))?\)")
 
 
@@ -23,3 +23,8 @@ def test_every_link_leads_somewhere():
             if not target.exists() or (anchor and anchor not in _anchors(target)):
                 broken.append(f"{page.relative_to(ROOT)}: {place}#{anchor}")
     assert looked_at > 50 and not broken, broken
+
+
+def test_no_page_has_two_versions_of_a_line():
+    marks = re.compile(r"^(<{7}|={7}$|>{7})", flags=re.MULTILINE)
+    assert [page.name for page in PAGES if marks.search(page.read_text(encoding="utf-8"))] == []

@@ -65,3 +65,6 @@ TRAINERS = Slot("splats/backends")
 
 ESTIMATORS = Slot("geometry/estimators")
 """What estimates depth of captures that stereo and sensors do not know."""
+
+ACTION_SPACES = Slot("policy/action_spaces")
+"""What the numbers of a policy's action mean, and what carries them out."""

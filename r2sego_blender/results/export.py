@@ -14,18 +14,20 @@ from ..bundle.scene import Scene
 from ..bundle.stale import require_present_frame
 from ..captures.registered_views import REGISTERED_VIEWS
 from ..core.atomic_files import remove, rename
-from ..core.errors import AssetError, SceneError
+from ..core.errors import AssetError, R2SEgoError, SceneError
 from ..core.json_files import write_json
 from ..core.progress import SILENT, Progress
 from ..core.scratch import keeping, scratch_place
 from ..core.text_files import write_text
-from ..geometry.collision.collision_files import HULLS, MESH_OBJ, SCENE_USD
+from ..geometry.collision.collision_files import HULLS, MESH_OBJ, SCENE_USD, SCENE_XML
 from ..geometry.objects.objects import read_backends
 from ..geometry.proxy.proxy import PROXY, GeometryProxy
 from ..geometry.texture.textured_obj import obj_files
 from ..geometry.texture.textured_usd import write_textured_usd
+from ..robot.rollouts.spawn_poses import SPAWN_POSES
 from ..splats.formats.registry import SUFFIXES, format_of, load_asset, save_asset
 from .plan import parts_outdated
+from .spawn_poses import spawn_poses_of
 from .status import robot_in_use
 from .texture import textured_room
 from .usd_stage import ROOM_USDA, write_room_stage
@@ -38,6 +40,7 @@ _FILES = {
     "scene.usd (UsdPhysics); convex pieces in hulls; mesh.obj, mesh.stl and mesh.glb (Y up)",
     "proxy.ply": "the geometry both were made with: grey observed, teal of a prior, amber completed",
     "cameras.json": "the photographs' cameras",
+    SPAWN_POSES: "where the robot may begin: free, stood on in MuJoCo, with a way to its target",
     TEXTURED: "the proxy with the photographs baked on it, for cameras of simulators: room.xml (MuJoCo),\n"
     "room.usdc and room.obj; it collides with nothing",
     ROOM_USDA: "what bodies touch and what cameras see as one USD stage, for Isaac Sim and Omniverse",
@@ -59,8 +62,9 @@ def export_scene(
 
     ``asset.ply`` (3D Gaussians, Inria order), ``collision/`` (OBJ, STL, GLB, convex pieces,
     ``scene.xml`` for MuJoCo, ``scene.urdf``, ``scene.sdf`` and ``scene.usd`` with physics),
-    ``proxy.ply`` (faces coloured by provenance) and ``cameras.json`` (the captures in the world
-    frame; it names the photographs as the scene's folder ``captures`` has them, and says so); the asset
+    ``proxy.ply`` (faces coloured by provenance), ``cameras.json`` (the captures in the world
+    frame; it names the photographs as the scene's folder ``captures`` has them, and says so) and
+    ``spawn_poses.json`` (where the declared robot may begin, if it can anywhere); the asset
     once more for each suffix in ``splats``, such as ``.spz`` (docs/splat_formats.md); if ``textured``
     the proxy with baked colours in ``textured/``, as OBJ, MJCF and USD; with either in USD also
     ``room.usda``, a stage of them and the collision surface; and ``about.txt``, which says what
@@ -105,6 +109,7 @@ def _exported(scene: Scene, folder: Path, splats: Sequence[str], textured: bool,
         with scratch_place(staging):
             proxy = scene.read(PROXY.of_round(rounds - 1))
             names = _write(scene, staging, proxy, splats)
+            names += _write_spawn_poses(scene, staging, progress)
             if textured:
                 _write_textured(scene, staging / TEXTURED, proxy, progress)
                 names.append(TEXTURED)
@@ -170,6 +175,18 @@ def _write(scene: Scene, folder: Path, proxy: GeometryProxy, splats: Sequence[st
             save_asset(folder / name, asset)
             names.append(name)
     return names
+
+
+def _write_spawn_poses(scene: Scene, folder: Path, progress: Progress) -> list[str]:
+    """Where the declared robot may begin; its name, or a word on why there is none."""
+    if not (scene.collision_folder / SCENE_XML).is_file():
+        return []
+    try:
+        spawn_poses_of(scene, progress).save(folder / SPAWN_POSES)
+    except R2SEgoError as error:
+        progress.message(f"no {SPAWN_POSES}: {error}", "warning")
+        return []
+    return [SPAWN_POSES]
 
 
 def _write_textured(scene: Scene, folder: Path, proxy: GeometryProxy, progress: Progress) -> None:

@@ -119,7 +119,7 @@ def test_spheres_that_rest_at_one_place_are_told_once_with_how_many():
         proxy_gap_m=np.full(5, np.nan),
         simulated_s=1.0,
     )
-    report = CollisionReport(found, Standing((0.0, 0.0), 2.0, 0.0, "", ""))
+    report = CollisionReport(found, Standing((0.0, 0.0), 0.0, 2.0, 0.0, "", ""))
     assert [line for line in lines(report) if " at (" in line and line.startswith("  ")] == [
         "  one dropped at (0.00, 0.00, 10.00) fell through",
         "  2 at (1.00, 2.00, 0.07) float by 2.1 cm",

@@ -117,6 +117,28 @@ def test_a_textured_export_shows_the_room_to_mujoco_and_usd(scene, tmp_path):
     assert _seen(Usd.Stage.Open(str(both / "room.usda"))) == ["/room/splats"]
 
 
+def test_where_the_robot_may_begin_is_exported_too(scene, tmp_path):
+    _add_collision_surface(scene)
+    _add_captured_wall(scene)
+    scope = tmp_path / "scope.toml"
+    scope.write_text('name = "walk"\n[region]\nwithin = [[-1, -1], [1, -1], [1, 1], [-1, 1]]\n')
+    written = export_scene(scene.declare(scope=str(scope)), tmp_path / "out")
+    assert "spawn_poses.json" in [path.name for path in written]
+    told = json.loads((tmp_path / "out" / "spawn_poses.json").read_text())
+    places = np.array([pose["xy_m"] for pose in told["poses"]])
+    assert len(places) > 4 and (np.abs(places) < 1.01).all() and np.linalg.norm(places, axis=1).min() > 0.3
+    assert "spawn_poses.json" in (tmp_path / "out" / ABOUT).read_text()
+
+
+def test_where_it_may_not_begin_anywhere_is_a_word_and_the_export_stands(scene, tmp_path):
+    _add_collision_surface(scene)
+    _add_captured_wall(scene)
+    heard = ProgressRecorder()
+    written = export_scene(scene.declare(scope="sit_down"), tmp_path / "out", progress=heard)
+    assert "spawn_poses.json" not in [path.name for path in written]
+    assert [text for text in heard.warnings if "spawn_poses.json" in text]
+
+
 def test_a_scene_that_one_stands_in_is_called_by_its_name(scene, tmp_path, monkeypatch):
     monkeypatch.chdir(scene.path)
     *_, about = export_scene(Scene(Path(), scene.declaration), tmp_path / "out")

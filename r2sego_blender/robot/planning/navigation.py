@@ -60,10 +60,38 @@ def path_between(floor: FreeFloor, start: tuple[int, int], goal: tuple[int, int]
     return _smoothed(floor, floor.points(*np.array(search.traceback(goal)).T))
 
 
+def ways_from(floor: FreeFloor, rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The nearest of some cells (n,), by its index, and the length of the way from it, for every cell (ny, nx).
+
+    A way is the one of least cost, along which an upper bound of its length is measured in metres; -1 and inf
+    where there is none. Cells that are not free lead nowhere.
+    """
+    search = _search(floor)
+    free = np.flatnonzero(floor.free[rows, columns])
+    nearest, length_m = np.full(floor.free.shape, -1), np.full(floor.free.shape, np.inf)
+    for index in free:  # a cell once, however many of them share it
+        nearest[rows[index], columns[index]] = index
+    starts = np.argwhere(nearest >= 0)
+    if not len(starts):
+        return nearest, length_m
+    costs, back = search.find_costs(starts)
+    reached = np.isfinite(costs)
+    length_m[reached] = costs[reached] * CELL_M
+    offsets = np.array(search.offsets)
+    for cell in np.argwhere(reached)[np.argsort(costs[reached], kind="stable")]:
+        if back[tuple(cell)] >= 0:
+            nearest[tuple(cell)] = nearest[tuple(cell - offsets[back[tuple(cell)]])]
+    return nearest, length_m
+
+
 def _costs(floor: FreeFloor, start: tuple[int, int]) -> tuple[MCP_Geometric, np.ndarray]:
-    edge = 1.0 - np.clip(floor.clearance_m / _EDGE_REACH_M, 0.0, 1.0)
-    search = MCP_Geometric(np.where(floor.free, 1.0 + _EDGE_COST * edge, -1.0), fully_connected=True)
+    search = _search(floor)
     return search, search.find_costs([start])[0]
+
+
+def _search(floor: FreeFloor) -> MCP_Geometric:
+    edge = 1.0 - np.clip(floor.clearance_m / _EDGE_REACH_M, 0.0, 1.0)
+    return MCP_Geometric(np.where(floor.free, 1.0 + _EDGE_COST * edge, -1.0), fully_connected=True)
 
 
 def _smoothed(floor: FreeFloor, path: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from . import bundles, captures, declared, objects, pictures, robots, splats, trials, views, workers
+from . import bundles, captures, declared, objects, pictures, robots, splats, tokens, trials, views, workers
 
 HARNESSES = (
     *splats.HARNESSES,
@@ -10,6 +10,7 @@ HARNESSES = (
     *pictures.HARNESSES,
     *objects.HARNESSES,
     *robots.HARNESSES,
+    *tokens.HARNESSES,
     *declared.HARNESSES,
     *bundles.HARNESSES,
     *views.HARNESSES,
