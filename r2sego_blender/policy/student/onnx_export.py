@@ -18,7 +18,8 @@ INPUTS, OUTPUTS = ("rgb", "proprio", "state"), ("action", "next_state")
 def export_onnx(student: Student, file: Path) -> None:
     """Write ``file``: ``rgb``, ``proprio`` and ``state`` in, ``action`` and ``next_state`` out.
 
-    Their shapes are (1, 96, 128, 3) uint8, (1, P), (1, S), (1, 4) and (1, S) float32; the first state is zero. Raises MachineError without the extra ``policy``.
+    Their shapes are (1, 96, 128, 3) uint8, (1, P), (1, S), (1, 4) and (1, S) float32; the first state is zero. Raises
+    MachineError without the extra ``policy``.
     """
     for name in ("onnx", "onnxscript"):
         policy_package(name)

@@ -54,7 +54,7 @@ _EITHER_SIDE_RAD = 2.6
 
 @dataclass(frozen=True)
 class SeatFrame:
-    """A base as the seat sees it: ``along_m`` before the edge, ``lateral_m`` to its left, ``error_rad`` left to turn."""
+    """A base as the seat sees it: ``along_m`` before the edge, ``lateral_m`` to its left, ``error_rad`` to turn."""
 
     along_m: float
     lateral_m: float
