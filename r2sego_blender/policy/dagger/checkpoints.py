@@ -13,6 +13,7 @@ import torch
 from ...core.arrays import Arrays, opened_arrays, save_arrays
 from ...core.atomic_files import UNFINISHED, flush, rename
 from ...core.errors import MachineError, SettingsError
+from ...core.json_files import parse_json
 from ..student.network import Student
 from .settings import DaggerSettings
 
@@ -50,9 +51,11 @@ def load_checkpoint(file: Path, student: Student, optimizer: torch.optim.Adam, s
     Raises MachineError where the file is damaged, and SettingsError where it is of other settings.
     """
     with opened_arrays(file, MachineError, _DAMAGED, _CURE) as arrays:
-        said = json.loads(str(arrays["said"]))
+        said = parse_json(str(arrays["said"]))
         same = said["settings"] == dataclasses.asdict(settings)
         place = Place(*(int(said[field.name]) for field in dataclasses.fields(Place)))
+        if same and not (0 <= place.iteration <= settings.iterations and 0 <= place.epochs and 0 <= place.updates):
+            raise ValueError(f"{place} is none of the settings'")
         student.load_state_dict({name: _like(arrays, f"weights/{name}", t) for name, t in student.state_dict().items()})
         state = optimizer.state_dict()
         if place.updates:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from ...core.arrays import opened_arrays, require_finite, require_shapes, save_arrays
+from ...core.arrays import opened_arrays, require_finite, require_indices, require_shapes, save_arrays
 from ...core.atomic_files import UNFINISHED, remove, rename, swap_in
-from ...core.errors import MachineError, R2SEgoError
-from ..student.targets import SEAT_TARGETS
+from ...core.errors import MachineError
+from ..student.targets import PICTURE_SHAPE, SEAT_TARGETS
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Episode:
         return len(self.actions)
 
 
-_PICTURES, _REST = "pictures.npy", "steps.npz"
+_PICTURES, _REST = "pictures.raw", "steps.npz"
 _DAMAGED = "the recorded episode is damaged"
 _CURE = "Remove the folder: the episode is made again."
 
@@ -63,14 +64,15 @@ class EpisodeStore:
         made = self._folder / f"{UNFINISHED}{number:06d}"
         remove(made)
         made.mkdir()
-        np.save(made / _PICTURES, episode.pictures)
+        episode.pictures.tofile(made / _PICTURES)
         outcome = episode.outcome
         save_arrays(
             made / _REST,
             proprio=episode.proprio,
             actions=episode.actions,
             seat=episode.seat,
-            outcome=np.array([outcome.seed, outcome.steps, outcome.mean_assist_n]),
+            seed=np.array([outcome.seed]),
+            mean_assist_n=np.array([outcome.mean_assist_n]),
             failure=np.array(outcome.failure),
         )
         # Whoever cuts the power loses episodes, which are made again; a flush for each would take longer.
@@ -80,28 +82,25 @@ class EpisodeStore:
         """The episode ``number``, its pictures mapped. Raises MachineError where its files are damaged."""
         place = self._place(number)
         with opened_arrays(place / _REST, MachineError, _DAMAGED, _CURE) as arrays:
-            rest = {name: arrays[name] for name in ("proprio", "actions", "seat", "outcome")}
-            require_shapes(rest, proprio="T P", actions="T 4", seat=f"T {SEAT_TARGETS}", outcome="3")
-            require_finite(proprio=rest["proprio"], actions=rest["actions"], outcome=rest["outcome"])
-            seed, steps, assist = rest["outcome"].tolist()
-            outcome = Outcome(int(seed), str(arrays["failure"]), int(steps), assist)
-        pictures = self._pictures(place / _PICTURES)
-        if len(pictures) != len(rest["actions"]):
-            raise self._damaged(place / _PICTURES)
+            rest = {name: arrays[name] for name in ("proprio", "actions", "seat", "seed", "mean_assist_n")}
+            require_shapes(rest, proprio="T P", actions="T 4", seat=f"T {SEAT_TARGETS}", seed="1", mean_assist_n="1")
+            known = np.where(np.isnan(rest["seat"]), 0.0, rest["seat"])
+            require_finite(proprio=rest["proprio"], actions=rest["actions"], seat=known)
+            require_finite(mean_assist_n=rest["mean_assist_n"])
+            require_indices(1 << 63, seed=rest["seed"])
+            failure, assist_n = str(arrays["failure"]), float(rest["mean_assist_n"][0])
+            outcome = Outcome(int(rest["seed"][0]), failure, len(known), assist_n)
+        pictures = _mapped(place / _PICTURES, (len(rest["actions"]), *PICTURE_SHAPE))
         return Episode(pictures, rest["proprio"], rest["actions"], rest["seat"], outcome)
-
-    def _pictures(self, file: Path) -> np.ndarray:
-        try:
-            pictures = np.lib.format.open_memmap(file, mode="r")
-        except (OSError, ValueError, EOFError, SyntaxError) as error:
-            raise self._damaged(file) from error
-        if pictures.ndim != 4 or pictures.dtype != np.uint8:
-            raise self._damaged(file)
-        return pictures
 
     def _place(self, number: int) -> Path:
         return self._folder / f"{number:06d}"
 
-    @staticmethod
-    def _damaged(file: Path) -> R2SEgoError:
-        return MachineError(_DAMAGED, where=file, cure=_CURE)
+
+def _mapped(file: Path, shape: tuple[int, ...]) -> np.ndarray:
+    try:
+        if file.stat().st_size == math.prod(shape) > 0:
+            return np.memmap(file, np.uint8, "r", shape=shape)
+    except OSError as error:
+        raise MachineError(_DAMAGED, where=file, cure=_CURE) from error
+    raise MachineError(_DAMAGED, where=file, cure=_CURE)

@@ -7,10 +7,7 @@ from typing import NamedTuple
 import torch
 from torch import nn
 
-from .targets import SEAT_TARGETS
-
-PICTURE_SHAPE = (96, 128, 3)
-"""Rows, columns and sRGB channels of a head image, uint8."""
+from .targets import PICTURE_SHAPE, SEAT_TARGETS
 
 ACTION_SIZE = 4
 """vx, vy and yaw rate as shares of the drive's limits, and sit."""

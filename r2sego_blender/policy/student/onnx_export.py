@@ -10,7 +10,8 @@ import torch
 
 from ...core.atomic_files import UNFINISHED, flush, rename
 from ..packages import policy_package
-from .network import PICTURE_SHAPE, Acting, Student
+from .network import Acting, Student
+from .targets import PICTURE_SHAPE
 
 INPUTS, OUTPUTS = ("rgb", "proprio", "state"), ("action", "next_state")
 

@@ -1,4 +1,4 @@
-"""What the auxiliary head learns: where the seat is from the base. Needs NumPy alone."""
+"""What a student is given, and what its auxiliary head learns: where the seat is. Needs NumPy alone."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ import math
 import numpy as np
 
 from ..environment.state import PrivilegedState
+
+PICTURE_SHAPE = (96, 128, 3)
+"""Rows, columns and sRGB channels of a head image, uint8."""
 
 SEAT_TARGETS = 6
 """Distance in metres, sine and cosine of bearing and of heading, and whether the head looks that way."""

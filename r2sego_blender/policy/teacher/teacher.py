@@ -42,7 +42,7 @@ class Teacher:
     """
 
     def __init__(self, floor: FreeFloor, standing_m: float, limits: DriveLimits | None = None) -> None:
-        self._floor, self._limits = floor, limits or DriveLimits()
+        self.floor, self._limits = floor, limits or DriveLimits()
         self._standing_m = standing_m + floor.floor_z_m
         self._ways: dict[tuple[float, float], CostToGo] = {}
 
@@ -74,7 +74,7 @@ class Teacher:
                 if now.side and turn * now.side < 0.0:
                     turn += math.copysign(math.tau, now.side)
                 # Beside furniture it steps away before it turns.
-                share = 1.0 if self._floor.is_free(state.base_xy_m) else 0.0
+                share = 1.0 if self.floor.is_free(state.base_xy_m) else 0.0
                 return self._within(_Velocity(moved.ahead, moved.left, share * _TURN_GAIN * turn)), now
         return self._within(self._along_way(turning_place, state)), now
 
@@ -88,13 +88,13 @@ class Teacher:
         """Along the way to ``goal`` (2,), looking ahead; from where it may not stand without a turn."""
         key = (float(goal[0]), float(goal[1]))
         if key not in self._ways:
-            self._ways[key] = CostToGo(self._floor, goal)
+            self._ways[key] = CostToGo(self.floor, goal)
         place = state.base_xy_m
         aim, left_m = self._ways[key].aim(place, _LOOK_AHEAD_M)
-        if not self._floor.is_free(place):
+        if not self.floor.is_free(place):
             return self._towards(aim, state, _BACK_M_S)
         error = math.remainder(math.atan2(aim[1] - place[1], aim[0] - place[0]) - state.yaw_rad, math.tau)
-        clearance_m = float(self._floor.clearance_m[self._floor.cells(place)])
+        clearance_m = float(self.floor.clearance_m[self.floor.cells(place)])
         speed = min(_CRUISE_M_S, _BACK_M_S + _CLEARANCE_GAIN * clearance_m)
         speed = max(_SLOWEST_M_S, min(speed, math.sqrt(2.0 * _DECELERATION_M_S2 * left_m) * 0.8))
         within = np.interp(clearance_m, (0.05, _OPEN_M), (_WALK_AT_EDGE_WITHIN_RAD, _WALK_WITHIN_RAD))

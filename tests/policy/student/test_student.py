@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from r2sego_blender.policy.environment.state import PrivilegedState
-from r2sego_blender.policy.student.network import PICTURE_SHAPE, Acting, Student
+from r2sego_blender.policy.student.network import Acting, Student
 from r2sego_blender.policy.student.onnx_export import INPUTS, OUTPUTS, export_onnx
-from r2sego_blender.policy.student.targets import seat_target
+from r2sego_blender.policy.student.targets import PICTURE_SHAPE, seat_target
 from r2sego_blender.robot.behaviours.trajectory import Seat
 
 PROPRIO = 70
