@@ -54,7 +54,7 @@ def load_checkpoint(file: Path, student: Student, optimizer: torch.optim.Adam, s
         said = parse_json(str(arrays["said"]))
         same = said["settings"] == dataclasses.asdict(settings)
         place = Place(*(int(said[field.name]) for field in dataclasses.fields(Place)))
-        if same and not (0 <= place.iteration <= settings.iterations and 0 <= place.epochs and 0 <= place.updates):
+        if same and not (0 <= place.iteration <= settings.iterations and min(place.epochs, place.updates) >= 0):
             raise ValueError(f"{place} is none of the settings'")
         student.load_state_dict({name: _like(arrays, f"weights/{name}", t) for name, t in student.state_dict().items()})
         state = optimizer.state_dict()

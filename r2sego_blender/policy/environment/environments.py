@@ -145,9 +145,7 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         if self._sight is None:
             raise gymnasium.error.ResetNeeded("Call reset before render.")
         colour, depth_m = self._sight.colour.copy(), self._sight.depth_m.copy()
-        return {"rgb_array": colour, "depth_array": depth_m, "rgbd_tuple": (colour, depth_m)}.get(
-            self.render_mode or ""
-        )
+        return {"rgb_array": colour, "depth_array": depth_m, "rgbd_tuple": (colour, depth_m)}.get(self.render_mode or "")
 
     def _more_spaces(self) -> dict[str, spaces.Box]:
         return {}
@@ -162,8 +160,7 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
     def _command(self, action: np.ndarray) -> DriveCommand:
         ranges = (self.limits.vx_m_s, self.limits.vy_m_s, self.limits.yaw_rate_rad_s)
         vx, vy, rate = (
-            float(share) * (high if share > 0.0 else -low)
-            for share, (low, high) in zip(action[:3], ranges, strict=True)
+            float(share) * (high if share > 0.0 else -low) for share, (low, high) in zip(action[:3], ranges, strict=True)
         )
         return DriveCommand(vx, vy, rate, bool(self.sits and action[3] > 0.0))
 
@@ -176,7 +173,11 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         return {"head": self._sight.colour.copy(), "proprio": felt, **self._more_observed()}
 
     def _info(self) -> dict[str, Any]:
-        return {"state": self._episode.state(), "is_success": self._episode.succeeded, "detail": self._episode.detail}
+        return {
+            "state": self._episode.state(),
+            "is_success": self._episode.succeeded,
+            "detail": self._episode.detail,
+        }
 
 
 class SitEnv(_BundleEnv):

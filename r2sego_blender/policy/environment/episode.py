@@ -46,7 +46,9 @@ class Episode:
     def __init__(self, scene: TrainingScene, chairs: Sequence[str] = (), limits: DriveLimits | None = None) -> None:
         self._scene, self._chairs = scene, tuple(chairs)
         furnish = partial(add_chairs, names=self._chairs)
-        self.composition = compose(scene.robot, scene.collision_mjcf, scene.settings, step_s=PHYSICS_S, furnish=furnish)
+        self.composition = compose(
+            scene.robot, scene.collision_mjcf, scene.settings, step_s=PHYSICS_S, furnish=furnish
+        )
         model = self.composition.model
         self.drive = CommandedDrive(scene.robot, self.composition, scene.floor.floor_z_m, limits)
         self.data = mujoco.MjData(model)
