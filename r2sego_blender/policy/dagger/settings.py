@@ -14,13 +14,13 @@ class DaggerSettings:
     seed: int = setting(0, "Of the network's initial weights, the episodes and their order.", 0, 2**31 - 1)
     teacher_episodes: int = setting(100, "Episodes that the teacher drives.", 1, 100_000)
     iterations: int = setting(4, "Times that the student acts and learns again, after the teacher's episodes.", 0, 1000)
-    episodes: int = setting(40, "Episodes of each iteration.", 1, 100_000)
+    episodes: int = setting(32, "Episodes of each iteration.", 1, 100_000)
     teacher_share: float = setting(
         0.5, "Beta of the first iteration: the share of its steps that the teacher drives; it falls to 0.", 0.0, 1.0
     )
     turns_steps: int = setting(10, "Teacher and student drive for so many steps at a time.", 1, 10_000)
     epochs: int = setting(3, "Passes over all episodes after each iteration but the last.", 1, 10_000)
-    last_epochs: int = setting(6, "Passes over all episodes at the end, while the learning rate falls to 0.", 1, 10_000)
+    last_epochs: int = setting(5, "Passes over all episodes at the end, while the learning rate falls to 0.", 1, 10_000)
     sequences: int = setting(8, "Episodes that a batch walks through side by side.", 1, 1024)
     window_steps: int = setting(32, "Steps of truncated backpropagation through time.", 1, 1024)
     learning_rate: float = setting(1e-3, "Of Adam.", 1e-6, 1.0)
