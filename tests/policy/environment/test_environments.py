@@ -180,7 +180,7 @@ def test_an_older_picture_is_shown_where_there_is_latency(bundle, sit):
 
 def test_a_separate_chair_is_seen_stands_on_the_free_floor_and_carries_who_sits_on_it(bundle):
     env = SitEnv(bundle, chairs=("dining",), randomization=PLAIN)
-    observation, info = env.reset(seed=1)
+    _, info = env.reset(seed=1)
     seat = info["state"].seat
     assert env.scene.floor.is_free(np.array(seat.edge_m)) and not env.floor.is_free(np.array(seat.edge_m))
     assert env.floor.is_free(seat.ahead(seat.approach_m)) and env.floor.is_free(info["state"].base_xy_m)
