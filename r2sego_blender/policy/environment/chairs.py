@@ -46,10 +46,11 @@ class Chair:
 
     def shape(self) -> BodyShape:
         """Its look."""
-        boxes = [trimesh.creation.box(bounds=box) for box in self.boxes]
-        mesh = trimesh.util.concatenate(boxes)
-        colours = np.tile(np.float32(self.colour), (len(mesh.faces), 1))
-        return BodyShape(-1, "chair", np.float32(mesh.vertices), np.int32(mesh.faces), colours)
+        parts = [trimesh.creation.box(bounds=box) for box in self.boxes]
+        vertices = np.concatenate([part.vertices for part in parts]).astype(np.float32)
+        faces = np.concatenate([part.faces + 8 * index for index, part in enumerate(parts)]).astype(np.int32)
+        colours = np.tile(np.array(self.colour, np.float32), (len(faces), 1))
+        return BodyShape(-1, "chair", vertices, faces, colours)
 
 
 CHAIRS: Mapping[str, Chair] = MappingProxyType(
@@ -72,14 +73,14 @@ def add_chairs(spec: mujoco.MjSpec, names: Sequence[str]) -> None:
             body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=(low + high) / 2.0, size=(high - low) / 2.0)
 
 
-def place_chair(model: mujoco.MjModel, names: Sequence[str], placed: str | None, pose: np.ndarray | None) -> None:
-    """Let the kind ``placed`` stand at ``pose`` (4, 4), and the others be over the room."""
+def place_chair(model: mujoco.MjModel, names: Sequence[str], placed: Mapping[str, np.ndarray]) -> None:
+    """Let the kinds ``placed`` stand at their poses (4, 4), and the others of ``names`` be over the room."""
     for index, name in enumerate(names):
         body = model.body(_body(name)).id
         model.body_pos[body], model.body_quat[body] = (0.0, 0.0, _ABOVE_M + 5.0 * index), (1.0, 0.0, 0.0, 0.0)
-        if name == placed and pose is not None:
-            yaw = math.atan2(pose[1, 0], pose[0, 0])
-            model.body_pos[body] = pose[:3, 3]
+        if name in placed:
+            yaw = math.atan2(placed[name][1, 0], placed[name][0, 0])
+            model.body_pos[body] = placed[name][:3, 3]
             model.body_quat[body] = math.cos(yaw / 2.0), 0.0, 0.0, math.sin(yaw / 2.0)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import gymnasium
 import numpy as np
@@ -45,7 +45,7 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
     episode, and ``max_seconds`` cut it off.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {
+    metadata: dict[str, Any] = {  # noqa: RUF012  (as Gymnasium declares it)
         "render_modes": list(_RENDER_MODES),
         "render_fps": round(1.0 / STEP_S),
         "autoreset_mode": AutoresetMode.NEXT_STEP,
@@ -91,13 +91,14 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         self._sight: Sight | None = None
         self.action_space = spaces.Box(-1.0, 1.0, (ACTIONS,), np.float32)
         joints = len(self._episode.composition.qpos_address)
-        self.observation_space = spaces.Dict(
+        observed = spaces.Dict(
             {
                 "head": spaces.Box(0, 255, (SIZE_PX[1], SIZE_PX[0], 3), np.uint8),
                 "proprio": spaces.Box(-_MOST, _MOST, (6 + 2 * joints + ACTIONS,), np.float32),
                 **self._more_spaces(),
             }
         )
+        self.observation_space = cast("spaces.Space[Observation]", observed)
 
     @property
     def floor(self) -> FreeFloor:
@@ -145,7 +146,9 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         if self._sight is None:
             raise gymnasium.error.ResetNeeded("Call reset before render.")
         colour, depth_m = self._sight.colour.copy(), self._sight.depth_m.copy()
-        return {"rgb_array": colour, "depth_array": depth_m, "rgbd_tuple": (colour, depth_m)}.get(self.render_mode or "")
+        return {"rgb_array": colour, "depth_array": depth_m, "rgbd_tuple": (colour, depth_m)}.get(
+            self.render_mode or ""
+        )
 
     def _more_spaces(self) -> dict[str, spaces.Box]:
         return {}
@@ -160,7 +163,8 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
     def _command(self, action: np.ndarray) -> DriveCommand:
         ranges = (self.limits.vx_m_s, self.limits.vy_m_s, self.limits.yaw_rate_rad_s)
         vx, vy, rate = (
-            float(share) * (high if share > 0.0 else -low) for share, (low, high) in zip(action[:3], ranges, strict=True)
+            float(share) * (high if share > 0.0 else -low)
+            for share, (low, high) in zip(action[:3], ranges, strict=True)
         )
         return DriveCommand(vx, vy, rate, bool(self.sits and action[3] > 0.0))
 
@@ -173,11 +177,7 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         return {"head": self._sight.colour.copy(), "proprio": felt, **self._more_observed()}
 
     def _info(self) -> dict[str, Any]:
-        return {
-            "state": self._episode.state(),
-            "is_success": self._episode.succeeded,
-            "detail": self._episode.detail,
-        }
+        return {"state": self._episode.state(), "is_success": self._episode.succeeded, "detail": self._episode.detail}
 
 
 class SitEnv(_BundleEnv):

@@ -46,9 +46,7 @@ class Episode:
     def __init__(self, scene: TrainingScene, chairs: Sequence[str] = (), limits: DriveLimits | None = None) -> None:
         self._scene, self._chairs = scene, tuple(chairs)
         furnish = partial(add_chairs, names=self._chairs)
-        self.composition = compose(
-            scene.robot, scene.collision_mjcf, scene.settings, step_s=PHYSICS_S, furnish=furnish
-        )
+        self.composition = compose(scene.robot, scene.collision_mjcf, scene.settings, step_s=PHYSICS_S, furnish=furnish)
         model = self.composition.model
         self.drive = CommandedDrive(scene.robot, self.composition, scene.floor.floor_z_m, limits)
         self.data = mujoco.MjData(model)
@@ -60,13 +58,12 @@ class Episode:
     def start(self, start: Start, drawn: Drawn) -> None:
         """Begin anew. The same arguments give the same episode to the bit, whatever was before."""
         model, scene, chair = self.composition.model, self._scene, start.chair
-        for name, values in self._as_compiled.items():
-            getattr(model, name)[:] = values
+        for array, values in self._as_compiled.items():
+            getattr(model, array)[:] = values
         model.geom_friction[:, 0] *= drawn.friction
         model.body_mass[self._of_robot] *= drawn.mass
         model.body_inertia[self._of_robot] *= drawn.mass
-        name, pose = (chair.name, chair.world_from_chair) if chair is not None else (None, None)
-        place_chair(model, self._chairs, name, pose)
+        place_chair(model, self._chairs, {} if chair is None else {chair.name: chair.world_from_chair})
         mujoco.mj_setConst(model, self.data)
         mujoco.mj_resetData(model, self.data)
         self._start = start

@@ -48,7 +48,9 @@ class Randomization:
         gains = float(2.0 ** (exposure + red)), float(2.0**exposure), float(2.0 ** (exposure + blue))
         light = math.sin(tilt) * math.cos(around), math.sin(tilt) * math.sin(around), math.cos(tilt)
         seen = HeadView(lens, view.parent_from_camera @ mount, gains, light)
-        latency_s, friction, mass = (float(rng.uniform(*limits)) for limits in (self.latency_s, self.friction, self.mass))
+        latency_s, friction, mass = (
+            float(rng.uniform(*limits)) for limits in (self.latency_s, self.friction, self.mass)
+        )
         return Drawn(seen, latency_s, friction, mass)
 
 

@@ -68,7 +68,7 @@ def draw_start(scene: TrainingScene, sits: bool, chairs: Sequence[str], rng: np.
     raise RobotError(
         "no start with a way to its target was found",
         where=scene.collision_mjcf,
-        cure="Check the free floor of the collision surface, give the scope a smaller region.clearance_m, or no chairs.",
+        cure="Check the free floor, give the scope a smaller region.clearance_m, or leave the chairs away.",
     )
 
 
@@ -76,13 +76,13 @@ def _draw_sit(
     scene: TrainingScene, floor: FreeFloor, chair: PlacedChair | None, rng: np.random.Generator
 ) -> Start | None:
     row, column = draw_cell(floor.free, rng)
-    if chair is not None:
-        seat = chair.seat
-    else:
-        nearest, _ = scene.ways
-        seat = scene.seats[nearest[row, column]] if nearest[row, column] >= 0 else None
-        if seat is None:
+    if chair is None:
+        nearest = int(scene.ways[0][row, column])
+        if nearest < 0:
             return None
+        seat = scene.seats[nearest]
+    else:
+        seat = chair.seat
     goal_row, goal_column = floor.cells(seat.ahead(seat.approach_m))
     path = path_between(floor, (row, column), (int(goal_row), int(goal_column)))
     return None if path is None else _started(scene, floor, path, rng, seat=seat, chair=chair)
@@ -149,7 +149,7 @@ def floor_around(scene: TrainingScene, placed: PlacedChair) -> FreeFloor:
     beyond_x = np.maximum(np.maximum(local[..., 0], -chair.depth_m - local[..., 0]), 0.0)
     beyond_y = np.maximum(np.abs(local[..., 1]) - chair.width_m / 2.0, 0.0)
     reach_m = scene.robot.radius_m + scene.scope.region.clearance_m
-    pieces, count = ndimage.label(floor.free & (np.hypot(beyond_x, beyond_y) > reach_m))
+    pieces, _ = ndimage.label(floor.free & (np.hypot(beyond_x, beyond_y) > reach_m))
     sizes = np.bincount(pieces.ravel(), minlength=2)[1:]
     free = (pieces == 1 + int(sizes.argmax())) & (pieces > 0)
     clearance_m = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1] * CELL_M
