@@ -15,7 +15,7 @@ import numpy as np
 from ..core.errors import EvaluationError
 
 CONFIDENCE = 0.95
-_EXACT_UP_TO = 16  # pairs; of more so many sign flips are drawn as these have
+_EXACT_UP_TO = 14  # pairs; of more so many sign flips are drawn as these have
 _BOOTSTRAPS = 10_000
 
 Interval = tuple[float, float]
@@ -69,7 +69,7 @@ class PairedComparison:
 def compare_pairs(first: Sequence[int], second: Sequence[int], episodes: int, seed: int = 0) -> PairedComparison:
     """Compare successes of ``episodes`` each, pair by pair in the same order.
 
-    ``seed`` is the bootstrap's, and the permutations' of more than 16 pairs. Raises EvaluationError for arms of
+    ``seed`` is the bootstrap's, and the permutations' of more than 14 pairs. Raises EvaluationError for arms of
     different length, fewer than two pairs, or counts that are no whole numbers from 0 to ``episodes``.
     """
     from scipy import stats

@@ -13,7 +13,7 @@ from r2sego_blender.core.errors import EvaluationError
 from r2sego_blender.policy.statistics import compare_pairs, lines
 
 BASELINE, REFINED = (0, 0, 1, 2, 1), (7, 7, 7, 6, 6)  # of 8: the paper's table
-COUNTS = st.lists(st.tuples(st.integers(0, 8), st.integers(0, 8)), min_size=2, max_size=7)
+COUNTS = st.lists(st.tuples(st.integers(0, 8), st.integers(0, 8)), min_size=2, max_size=5)
 
 
 def percent(*values: float) -> list[float]:
@@ -38,7 +38,7 @@ def test_five_pairs_are_told_that_they_cannot_show_it_two_sided_and_six_are_not(
     assert not any("impossible" in line for line in six)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(COUNTS, st.integers(0, 3))
 def test_it_is_what_scipy_and_a_full_enumeration_say(pairs, seed):
     first, second = zip(*pairs, strict=True)
