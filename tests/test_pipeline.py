@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 from step_reads import KeysOnly, WatchedRunner, another
 
+from r2sego_blender.bundle.figures import COUNTS
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.store import load_captures
 from r2sego_blender.commands.cli import main
@@ -17,8 +18,10 @@ from r2sego_blender.config.presets import entries
 from r2sego_blender.config.settings import CaptureSettings
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.progress import Progress
+from r2sego_blender.evaluation.arms import ARMS, WITHOUT_GENERATED
 from r2sego_blender.evaluation.scene_evaluation import evaluate_scene
 from r2sego_blender.evaluation.scene_report import write_scene_report
+from r2sego_blender.evaluation.trained_arms import train_without_generated_views
 from r2sego_blender.generation.decisions import save_decision
 from r2sego_blender.geometry.proxy.proxy import GeometryProxy
 from r2sego_blender.pipeline import refine
@@ -243,6 +246,23 @@ def test_the_ablations_stand_in_the_bundle(small_room, tmp_path):
     assert len(selection.targets) == 3
 
 
+def test_where_no_view_is_kept_the_arm_without_generated_views_is_the_refined_asset(small_room, tmp_path):
+    """To the bit, round by round; and it changes nothing else, and is made once."""
+    scene = Scene.open(shutil.copytree(small_room.path, tmp_path / "copy.r2s"))
+    scene = scene.declare(overrides=SMALL | {"registration.min_inliers": 10000})
+    refine(scene)
+    assert [scene.read(COUNTS.of_round(index))["views_kept"] for index in range(2)] == [0, 0]
+    before = scene.outputs()
+    train_without_generated_views(scene)
+    arm = (scene.path / ARMS[WITHOUT_GENERATED].asset).parent
+    for name in ("rounds/0/proxy", "rounds/0/asset.ply", "rounds/1/proxy", "rounds/1/asset.ply", "asset.ply"):
+        assert content_digest(arm / name) == content_digest(scene.path / name), name
+    assert not list(arm.glob("rounds/*/views")) and scene.outputs().items() >= before.items()
+    journal = scene.journal()
+    train_without_generated_views(scene)
+    assert scene.journal() == journal
+
+
 def test_the_same_seed_gives_the_same_bundle(small_room, tmp_path):
     again = create_scene(
         tmp_path / "room.r2s", ROOM / "captures", ROOM / "cameras.json", settings=CaptureSettings(max_side_px=240)
@@ -254,7 +274,7 @@ def test_the_same_seed_gives_the_same_bundle(small_room, tmp_path):
 
 def test_evaluation_scores_every_arm_and_writes_the_report(small_room):
     metrics = evaluate_scene(small_room, ROOM / "cameras.json")
-    assert set(metrics["arms"]) == {"initial", "vanilla_3dgs", "refined"}
+    assert set(metrics["arms"]) == set(ARMS)
     for arm in metrics["arms"].values():
         assert len(arm["views"]) == 16 and 5 < arm["psnr"] < 60 and 0 < arm["ssim"] < 1
         assert arm["lpips_alex"] is not None or arm["lpips_reason"]

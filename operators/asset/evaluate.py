@@ -9,7 +9,7 @@ from ..base import EngineOperator, needs_bundle, needs_idle_engine
 
 
 class R2SEGO_OT_evaluate(EngineOperator, bpy.types.Operator):
-    """Score the scene on photographs that were held out, against vanilla Gaussian splatting"""
+    """Score the scene on photographs that were held out, against plain Gaussian splatting"""
 
     bl_idname = "r2sego.evaluate"
     bl_label = "Evaluate"

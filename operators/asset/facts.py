@@ -10,7 +10,7 @@ from ...r2sego_blender.bridge.shared.panel_facts import Facts
 from ...r2sego_blender.bundle.asset_stages import FINAL, INITIAL, stages
 from ...r2sego_blender.results.panels.bundle import Bundle
 from ...r2sego_blender.results.panels.file_stamps import when_written
-from ...r2sego_blender.results.panels.report_scores import not_scored
+from ...r2sego_blender.results.panels.report_scores import ARM_LABELS, not_scored
 from ...r2sego_blender.splats.asset_edits import ASSET_EDITS
 from ...r2sego_blender.splats.formats.ply_vertices import vertex_count
 from ..state import Line
@@ -80,7 +80,7 @@ def _lines(bundle: Bundle, listed: Facts) -> Iterator[tuple[str, str]]:
 
 def _scores(metrics: Mapping[str, Any]) -> dict[str, float | None]:
     """The PSNR of each stage and of other assets on frozen views, by name, as last evaluated."""
-    names = {"initial": INITIAL, "refined": FINAL, "vanilla_3dgs": "Vanilla"}
+    names = ARM_LABELS | {"initial": INITIAL, "refined": FINAL}
     scores = {names.get(name, name): arm["psnr"] for name, arm in (metrics.get("arms") or {}).items()}
     return scores | {str(one["round"]): one["psnr"] for one in metrics.get("rounds") or ()}
 

@@ -23,10 +23,11 @@ from .options import ANY_PATH, FOLDER, Output, output_options, overrides_of, set
 )
 @output_options("--json-progress")
 def evaluate(scene: Path, frozen: Path, output: Output) -> None:
-    """Score SCENE on frozen views against vanilla 3DGS; writes report/metrics.json.
+    """Score SCENE on frozen views against what it has to beat; writes report/metrics.json.
 
-    Vanilla 3DGS is trained on the same photographs first, unless that was done before. Photographs that
-    are held out must not have been among those of SCENE.
+    Vanilla 3DGS, the same points at this project's rates, and Algorithm 1 without generated views are trained on
+    the same photographs first, unless that was done before. Photographs that are held out must not have been
+    among those of SCENE.
     """
     from ..evaluation.scene_evaluation import evaluate_scene, table
 

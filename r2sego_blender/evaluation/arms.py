@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from ..bundle.figures import BASELINES
 from ..bundle.layout import INITIAL_ASSET, REFINED_ASSET
 
-REFINED = "refined"
-VANILLA_ASSET = "report/vanilla_3dgs.ply"
+INITIAL, VANILLA, SAME_POINTS, WITHOUT_GENERATED, REFINED = (
+    "initial",
+    *BASELINES,
+    "without_generated_views",
+    "refined",
+)
 
 
 @dataclass(frozen=True)
@@ -21,8 +27,25 @@ class ArmSource:
 
 
 ARMS: Mapping[str, ArmSource] = {
-    "initial": ArmSource("initial asset", INITIAL_ASSET, "reliable stereo of the captures, untrained"),
-    "vanilla_3dgs": ArmSource("vanilla 3DGS", VANILLA_ASSET, "the same observed points, captures and number of steps"),
+    INITIAL: ArmSource("initial asset", INITIAL_ASSET, "reliable stereo of the captures, untrained"),
+    VANILLA: ArmSource(
+        "vanilla 3DGS", "report/vanilla_3dgs.ply", "the same observed points, captures and number of steps"
+    ),
+    SAME_POINTS: ArmSource(
+        "same points", "report/same_points.ply", "the same again at this project's rates, without densification"
+    ),
+    WITHOUT_GENERATED: ArmSource(
+        "no generated views",
+        "report/without_generated_views/asset.ply",
+        "Algorithm 1 without line 11: completed geometry and backdrop, captures alone",
+    ),
     REFINED: ArmSource("refined", REFINED_ASSET, "Algorithm 1"),
 }
 """The arms in the order of the table; the key is the name in metrics.json."""
+
+
+def strongest_baseline(psnr: Mapping[str, float | None], among: Iterable[str] = BASELINES) -> str:
+    """The arm ``among`` others' methods whose ``psnr`` by arm is highest, '' where none was scored."""
+    known = {arm: psnr[arm] for arm in among if arm in psnr}
+    # None is the PSNR of two equal images
+    return max(known, key=lambda arm: math.inf if known[arm] is None else float(known[arm] or 0.0), default="")

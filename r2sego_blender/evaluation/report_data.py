@@ -207,8 +207,8 @@ class ReportData:
     """Everything the report shows, from the top of the page to its end.
 
     ``facts`` are (label, value) pairs for the head of the page, such as the seed. ``arms``
-    in the order of the table: initial, vanilla 3DGS, refined; the last is the headline, and
-    ``baseline`` is the key of the arm it is compared with. ``scored_rounds`` are in order;
+    in the order of the table; the last, refined, is the headline, and ``baseline`` is the key of
+    the arm it is compared with, the strongest of others. ``scored_rounds`` are in order;
     ``error_split`` is None where nothing was scored. ``provenance`` are the proxy's
     shares, {"observed": 0.6, ...}. ``timings`` are (step, seconds) in the order they ran.
     """

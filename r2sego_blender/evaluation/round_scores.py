@@ -17,6 +17,9 @@ from ..splats.asset import SplatAsset
 from .exposed_rendering import as_exposed
 from .frozen import rounded, score
 
+LABEL_WIDTH = 20
+"""Of the column of names, of arms and of rounds alike."""
+
 
 @dataclass(frozen=True)
 class RoundScore:
@@ -80,10 +83,10 @@ def lines(entries: Sequence[Mapping[str, Any]]) -> list[str]:
     for entry in entries:
         name = f"round {entry['round']}"
         if "missing" in entry:
-            text.append(f"{name:<16}not scored: {entry['missing']}")
+            text.append(f"{name:<{LABEL_WIDTH}}not scored: {entry['missing']}")
             continue
         psnr = float("inf") if entry["psnr"] is None else entry["psnr"]
-        text.append(f"{name:<16}{psnr:>9.2f}{entry['ssim']:>8.3f}  {entry.get('mark', '')}".rstrip())
+        text.append(f"{name:<{LABEL_WIDTH}}{psnr:>9.2f}{entry['ssim']:>8.3f}  {entry.get('mark', '')}".rstrip())
     return text
 
 

@@ -1,4 +1,4 @@
-"""Scoring a scene on frozen views: initial asset, vanilla 3DGS, refined asset, every round.
+"""Scoring a scene on frozen views: its arms, and every round.
 
 Frozen views are read here alone, after the refinement; nothing of them flows back.
 """
@@ -6,7 +6,6 @@ Frozen views are read here alone, after the refinement; nothing of them flows ba
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,6 @@ import numpy as np
 from ..bundle import layout
 from ..bundle.damage import require_as_made
 from ..bundle.layout import of_round
-from ..bundle.runner import Runner
 from ..bundle.scene import Scene
 from ..bundle.stale import require_present_frame
 from ..captures.capture import Capture, DecodedCapture
@@ -23,27 +21,23 @@ from ..captures.frozen import load_frozen_views
 from ..captures.solving.locating import locate_views
 from ..captures.sparse_points import SPARSE
 from ..captures.store import CAPTURES
-from ..config.presets import VANILLA_3DGS
 from ..core.cameras import Camera, rotation_angle_rad
 from ..core.errors import R2SEgoError, SceneError
 from ..core.progress import SILENT, Progress
-from ..geometry.stereo.observed_geometry import OBSERVED, ObservedGeometry
 from ..geometry.stereo.stereo import DEPTH
-from ..refine.visual_asset import vanilla_asset
-from ..splats.artifacts import REFINED_ASSET
 from ..splats.asset import SplatAsset
 from ..splats.formats.ply import load_made
-from ..splats.training.observations import Observation
 from . import round_scores, scene_causes
-from .arms import ARMS, REFINED, VANILLA_ASSET
+from .arms import ARMS, REFINED
 from .cause_figures import report_causes
 from .exposed_rendering import as_exposed
 from .frozen import ArmScore, score
 from .metrics_file import write_metrics
 from .report_data import FrozenView, Rendering
-from .round_scores import score_rounds
+from .round_scores import LABEL_WIDTH, score_rounds
 from .scene_causes import SceneCauses, split_by_cause
 from .scene_report import write_scene_report
+from .trained_arms import train_arms
 
 _SAME_PLACE_M, _SAME_TURN_RAD = 0.005, 0.005
 """Poses of one photograph that were found twice differ by as much, such as given and located ones."""
@@ -74,7 +68,7 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress) -> dict[str, Any]
         progress.message(
             f"{', '.join(seen)}: taken from where a capture was; scores of what was trained on say little", "warning"
         )
-    train_vanilla(scene, progress)
+    train_arms(scene, progress)
     scores: dict[str, ArmScore] = {}
     renderings: dict[str, dict[str, np.ndarray]] = {}
     refined_depths: list[np.ndarray] = []
@@ -133,32 +127,14 @@ def _seen_in_training(scene: Scene, views: Sequence[Capture]) -> list[str]:
     ]
 
 
-def train_vanilla(scene: Scene, progress: Progress = SILENT) -> None:
-    """The baseline from the same observed points, captures and total number of steps.
-
-    Rates, densification and resolution are the original 3DGS'; the budget is the scene's.
-    """
-    h = scene.declaration.settings
-    steps = h.rounds * h.training.steps_per_round
-    original = replace(h.training, **VANILLA_3DGS)
-
-    def compute(captures: Sequence[Capture], observed: ObservedGeometry) -> SplatAsset:
-        seen = [Observation(capture.camera, capture.image()) for capture in captures]
-        rng = np.random.default_rng([h.seed, 1])
-        return vanilla_asset(observed.points, observed.colours, seen, steps, original, rng, progress)
-
-    made = replace(REFINED_ASSET, name=VANILLA_ASSET)
-    Runner(scene).make(made, compute, CAPTURES, OBSERVED, settings=[original, steps, h.seed])
-
-
 def table(metrics: Mapping[str, Any]) -> str:
     """The arms' scores as lines for a terminal."""
-    lines = [f"{'':<16}{'PSNR dB':>9}{'SSIM':>8}{'LPIPS':>8}"]
+    lines = [f"{'':<{LABEL_WIDTH}}{'PSNR dB':>9}{'SSIM':>8}{'LPIPS':>8}"]
     for arm, source in ARMS.items():
         scored = metrics["arms"][arm]
         lpips = "n/a" if scored["lpips_alex"] is None else f"{scored['lpips_alex']:.3f}"
         psnr = float("inf") if scored["psnr"] is None else scored["psnr"]
-        lines.append(f"{source.label:<16}{psnr:>9.2f}{scored['ssim']:>8.3f}{lpips:>8}")
+        lines.append(f"{source.label:<{LABEL_WIDTH}}{psnr:>9.2f}{scored['ssim']:>8.3f}{lpips:>8}")
     lines += round_scores.lines(metrics["rounds"])
     count = len(metrics["arms"][REFINED]["views"])
     lines += [f"mean over {count} frozen views", "", *scene_causes.lines(metrics["causes"])]

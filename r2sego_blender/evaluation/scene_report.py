@@ -20,7 +20,7 @@ from ..geometry.proxy.proxy import PROXY, GeometryProxy, Provenance
 from ..results.status import robot_in_use, scores_hold
 from ..robot.rollouts.rollout import ROLLOUTS
 from ..views.selection import SELECTION, Selection
-from .arms import ARMS
+from .arms import ARMS, strongest_baseline
 from .figures import camera_map, depth_picture, top_view
 from .frozen import ArmScore
 from .report import write_report
@@ -93,6 +93,7 @@ def write_scene_report(
                 ("Seed", str(declared.settings.seed)),
             ),
             arms=tuple(_arm(key, score) for key, score in (scores or {}).items()),
+            baseline=strongest_baseline({key: score.psnr for key, score in (scores or {}).items()}),
             lpips_reason=next(iter(reasons), ""),
             backends=tuple(_backend(slot, name) for slot, name in scene.backends.items()),
             scored_rounds=tuple(

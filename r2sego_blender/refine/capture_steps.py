@@ -6,7 +6,7 @@ With what all its steps have in common.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -78,13 +78,15 @@ class AlignedPriors(NamedTuple):
 class CaptureSteps:
     """The procedures before the rounds on one scene, under the fixed configuration H.
 
-    A step that has published ``until`` raises Reached.
+    A step that has published ``until`` raises Reached. Steps publish at the bundle's top, those of an
+    ablation ``under`` a folder of it.
     """
 
     runner: Runner
     h: Settings
     progress: Progress
     until: str = ""
+    under: str = ""
 
     def register_inputs(self) -> tuple[RegisteredCaptures, Artifact[SplatAsset]]:
         """The captures in the world frame, and A_0: their dense stereo, and what a depth sensor
@@ -340,6 +342,7 @@ class CaptureSteps:
     def _make(
         self, made: Artifact[Held], compute: Callable[..., Any], *takes: Artifact[Any], **known: Any
     ) -> Artifact[Held]:
+        made = replace(made, name=self.under + made.name)
         self.runner.make(made, compute, *takes, **known)
         if made.name == self.until:
             raise Reached

@@ -63,7 +63,7 @@ Views = Artifact[tuple[PseudoObservation, ...]]
 class Steps(CaptureSteps):
     """The procedures of Algorithm 1 on one scene, under the fixed configuration H.
 
-    A step that has published ``until`` raises Reached.
+    A step that has published ``until`` raises Reached; those of an ablation publish ``under`` a folder.
     """
 
     # ---- lines 6 to 13: every round
@@ -347,8 +347,9 @@ class Steps(CaptureSteps):
             *pseudo_observations,
             settings=[training, self.h.seed],
         )
-        made_of = (ROLLOUTS.of_round(l), SELECTION.of_round(l), VIEWS.of_round(l))
-        self._make(COUNTS.of_round(l), _count, refined, *made_of)
+        if pseudo_observations:
+            made_of = (ROLLOUTS.of_round(l), SELECTION.of_round(l), VIEWS.of_round(l))
+            self._make(COUNTS.of_round(l), _count, refined, *made_of)
         return refined
 
     # ---- line 14

@@ -17,11 +17,14 @@ from r2sego_blender.captures.store import load_captures
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import SceneError
 from r2sego_blender.evaluation import scene_evaluation, scene_report
+from r2sego_blender.evaluation.arms import ARMS, SAME_POINTS, VANILLA, WITHOUT_GENERATED
 from r2sego_blender.evaluation.report_data import Round
 from r2sego_blender.evaluation.scene_causes import CAUSES
 from r2sego_blender.results.status import lines
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.formats.ply import save_ply
+
+TRAINED = (VANILLA, SAME_POINTS, WITHOUT_GENERATED)
 
 
 @pytest.fixture
@@ -34,12 +37,12 @@ def evaluated(tmp_path, monkeypatch):
     save_cameras_json(tmp_path / "cameras.json", views)
     cameras = json.loads((tmp_path / "cameras.json").read_text(encoding="utf-8"))
     (tmp_path / "cameras.json").write_text(json.dumps(cameras | {"frozen": cameras["captures"]}))
-    # The baseline is trained, and rollouts are described, elsewhere; neither is read here.
-    (scene.path / "report").mkdir()
+    # What is compared with is trained, and rollouts are described, elsewhere; neither is read here.
+    (scene.path / ARMS[WITHOUT_GENERATED].asset).parent.mkdir(parents=True)
     monkeypatch.setattr(
         scene_evaluation,
-        "train_vanilla",
-        lambda scene, progress: save_ply(scene.path / "report/vanilla_3dgs.ply", splats(0.9)),
+        "train_arms",
+        lambda scene, progress: [save_ply(scene.path / ARMS[arm].asset, splats(0.9)) for arm in TRAINED],
     )
     monkeypatch.setattr(scene_report, "_round", lambda scene, index: Round(index))
     return scene, tmp_path / "cameras.json"

@@ -24,7 +24,7 @@ from r2sego_blender.config.presets import with_overrides
 from r2sego_blender.core.errors import SceneError
 from r2sego_blender.core.progress import SILENT, Progress
 from r2sego_blender.evaluation import round_scores
-from r2sego_blender.evaluation.arms import ARMS, REFINED
+from r2sego_blender.evaluation.arms import ARMS, REFINED, strongest_baseline
 from r2sego_blender.evaluation.frozen import rounded
 from r2sego_blender.evaluation.ground_truth import load_ground_truth
 from r2sego_blender.evaluation.scene_evaluation import evaluate_scene, frozen_views
@@ -118,11 +118,12 @@ def lines(figures: Mapping[str, Any]) -> list[str]:
     for one in f["views"]:
         text.append(f"round {one['round']}: {one['kept']} frames kept, {one['rejected']} rejected")
         text += [f"  {reason}" for reason in one["reasons"]]
-    text += ["", f"{'':<16}{'PSNR dB':>9}{'SSIM':>8}"]
+    text += ["", f"{'':<{round_scores.LABEL_WIDTH}}{'PSNR dB':>9}{'SSIM':>8}"]
     for arm, source in ARMS.items():
-        text.append(f"{source.label:<16}{_decibels(f[arm]['psnr'])}{f[arm]['ssim']:>8.3f}")
+        text.append(f"{source.label:<{round_scores.LABEL_WIDTH}}{_decibels(f[arm]['psnr'])}{f[arm]['ssim']:>8.3f}")
     text += round_scores.lines(f["rounds"])
-    text.append(f"gain over vanilla 3DGS {_decibels(f['gain'])} dB; rounds fall: {f['rounds_fall']}")
+    baseline = ARMS[f["strongest_baseline"]].label
+    text.append(f"gain over {baseline} {_decibels(f['gain'])} dB; rounds fall: {f['rounds_fall']}")
     return text
 
 
@@ -196,10 +197,12 @@ def _views(made: Scene, round_index: int) -> dict[str, Any]:
 def _scores(metrics: Mapping[str, Any]) -> dict[str, Any]:
     """The arms, the rounds and what follows from them, of a ``metrics.json``."""
     arms = {arm: {kind: metrics["arms"][arm][kind] for kind in ("psnr", "ssim")} for arm in ARMS}
-    refined, vanilla = arms[REFINED]["psnr"], arms["vanilla_3dgs"]["psnr"]
-    gain = None if refined is None or vanilla is None else rounded(refined - vanilla)
+    strongest = strongest_baseline({arm: scored["psnr"] for arm, scored in arms.items()})
+    refined, baseline = arms[REFINED]["psnr"], arms[strongest]["psnr"]
+    gain = None if refined is None or baseline is None else rounded(refined - baseline)
     return {
         **arms,
+        "strongest_baseline": strongest,
         "gain": gain,
         "rounds": metrics["rounds"],
         "rounds_fall": any("mark" in one for one in metrics["rounds"]),

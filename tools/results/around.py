@@ -26,7 +26,6 @@ from r2sego_blender.geometry.room.completed_depth import COMPLETED
 from r2sego_blender.robot.rollouts.rollout import ROLLOUTS
 
 from ..studies.disturbed_depth import ALL, disturbed
-from .baseline import strongest_baseline
 from .measure import run_r2sego
 
 _FLOOR_M = 0.01  # of true surface from z = 0, that is floor
@@ -106,9 +105,7 @@ def measure(data: Path, work: Path, room: str, kind: str, error: float, preset: 
         "floor_within_5_cm": round(float((np.abs(heights_m) <= 0.05).mean()), 4),
         "rollouts": [sum(one.success for one in last), len(last)],
         "views_kept": [len(opened.read(VIEWS.of_round(index))) for index in range(opened.rounds_done())],
-        "vanilla_3dgs": [arms["vanilla_3dgs"][key] for key in ("psnr", "ssim")],
-        "same_points_without_rounds": strongest_baseline(opened, cameras),
-        "refined": [arms["refined"][key] for key in ("psnr", "ssim")],
+        **{arm: [scored[key] for key in ("psnr", "ssim")] for arm, scored in arms.items()},
     }
 
 

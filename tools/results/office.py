@@ -31,7 +31,6 @@ from r2sego_blender.generation.ego_views import VIEWS
 from r2sego_blender.geometry.proxy.proxy import PROXY
 from r2sego_blender.geometry.room.completed_depth import COMPLETED
 
-from .baseline import strongest_baseline
 from .measure import run_r2sego
 
 _HELD_OUT_OF_SEVEN = (1, 3, 5)
@@ -115,14 +114,11 @@ def measure(data: Path, work: Path, split: str, with_depth: bool, preset: str) -
     run_r2sego("evaluate", scene, "--frozen", cameras)
     opened = Scene.open(scene)
     arms = json.loads(opened.metrics_file.read_text())["arms"]
-    psnr, ssim = strongest_baseline(opened, cameras)
     return {
         "split": split,
         "depth": with_depth,
         **geometry_figures(opened, SensorDepth(folder / "depth")),
-        "vanilla_3dgs": [arms["vanilla_3dgs"][key] for key in ("psnr", "ssim")],
-        "same_points_without_rounds": [psnr, ssim],
-        "refined": [arms["refined"][key] for key in ("psnr", "ssim")],
+        **{arm: [scored[key] for key in ("psnr", "ssim")] for arm, scored in arms.items()},
     }
 
 

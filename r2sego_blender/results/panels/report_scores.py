@@ -6,12 +6,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ...bundle.figures import BASELINES
 from ...bundle.layout import REFINED_ASSET
 from ...core.errors import SceneError
 from ...core.json_files import finite_number
 from .bundle import Bundle
 
-ARM_LABELS = {"refined": "Refined", "vanilla_3dgs": "Vanilla 3DGS", "initial": "Initial"}
+ARM_LABELS = {
+    "refined": "Refined",
+    "without_generated_views": "No generated views",
+    "same_points": "Same points",
+    "vanilla_3dgs": "Vanilla 3DGS",
+    "initial": "Initial",
+}
 _ORDER = list(ARM_LABELS)
 
 
@@ -64,16 +71,16 @@ class ReportScores:
 
     @property
     def summary(self) -> str:
-        """The refined asset's scores and its gain over vanilla 3DGS, '' where they are not known."""
+        """The refined asset's scores and its gain over the strongest baseline, '' where they are not known."""
         if self.outdated:
             return ""
         arms = {arm.label: arm for arm in self.arms}
-        refined, vanilla = (arms.get(ARM_LABELS[name]) for name in ("refined", "vanilla_3dgs"))
+        refined = arms.get(ARM_LABELS["refined"])
+        others = [arms[ARM_LABELS[name]].psnr for name in BASELINES if ARM_LABELS[name] in arms]
         if refined is None or refined.psnr is None or refined.ssim is None:
             return ""
-        gain = ""
-        if vanilla is not None and vanilla.psnr is not None:
-            gain = f" ({refined.psnr - vanilla.psnr:+.2f})"
+        known = [psnr for psnr in others if psnr is not None]
+        gain = f" ({refined.psnr - max(known):+.2f})" if known else ""
         return f"{refined.psnr:.2f} dB{gain}, SSIM {refined.ssim:.3f}"
 
 

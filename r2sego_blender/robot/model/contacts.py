@@ -9,6 +9,9 @@ import numpy as np
 
 from .composition import Composition
 
+SEATED_LOAD = 0.3
+"""Who sits has more than this share of the weight on a seat."""
+
 
 @dataclass(frozen=True)
 class Contacts:

@@ -62,7 +62,8 @@ class LegSolver:
 class LegChain:
     """One leg from the base to its foot: damped least squares (Levenberg-Marquardt) on its own joints.
 
-    ``address`` (n,) int of the joints in qpos; ``low`` and ``high`` (n,) their limits, radians.
+    ``address`` (n,) int of the joints in qpos; ``low`` and ``high`` (n,) their limits, radians;
+    ``arm_m`` the metres as which a radian of the foot counts.
     """
 
     def __init__(self, model: mujoco.MjModel, base: int, leg: Leg) -> None:
@@ -75,7 +76,7 @@ class LegChain:
         limited = model.jnt_limited[joints].astype(bool)
         self.low = np.where(limited, model.jnt_range[joints, 0] + _LIMIT_MARGIN_RAD, -np.inf)
         self.high = np.where(limited, model.jnt_range[joints, 1] - _LIMIT_MARGIN_RAD, np.inf)
-        self._arm_m = _ARM_M if len(joints) >= _EVERY_WAY_HINGES else _SHORT_ARM_M
+        self.arm_m = _ARM_M if len(joints) >= _EVERY_WAY_HINGES else _SHORT_ARM_M
 
     def solve(self, qpos: np.ndarray, sole: np.ndarray, seeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Joints (T, n) that take the foot to ``sole`` (T, 4), and by how many metres (T,) it misses.
@@ -107,8 +108,8 @@ class LegChain:
             off = level @ turn.transpose(0, 2, 1)
             off = off - off.transpose(0, 2, 1)
             rotated = 0.5 * np.stack([off[:, 2, 1], off[:, 0, 2], off[:, 1, 0]], axis=1)
-            error = np.concatenate([error, self._arm_m * rotated], axis=1)
-            jacobian = np.concatenate([jacobian, self._arm_m * axes], axis=2)
+            error = np.concatenate([error, self.arm_m * rotated], axis=1)
+            jacobian = np.concatenate([jacobian, self.arm_m * axes], axis=2)
         downhill = np.einsum("tnk,tk->tn", jacobian, error)
         pressed = ((angles <= self.low) & (downhill < 0.0)) | ((angles >= self.high) & (downhill > 0.0))
         jacobian[pressed], downhill[pressed] = 0.0, 0.0

@@ -13,15 +13,19 @@ from ..model.model import RobotModel
 # middle of its stance by no more than this share of its leg.
 _STEP_S = 0.5
 _STRAY = 0.45
-_DOUBLE_SUPPORT = 0.24  # share of a step
+DOUBLE_SUPPORT = 0.24
+"""Share of a step in which all feet stand."""
+
 _CLEARANCE_M, _CLEARANCE = 0.05, 0.15  # at most, and as a share of the leg
-# A foot that would move less than this stays planted.
-_MIN_STEP_M = 0.015
-_MIN_STEP_RAD = 0.05
-_SWAY_M = 0.018
-_BOB_M = 0.008
-# Speed at which bob and arm swing are full.
-_FULL_SPEED_M_S = 0.6
+
+MIN_STEP_M, MIN_STEP_RAD = 0.015, 0.05
+"""A foot that would move less than this stays planted."""
+
+SWAY_M, BOB_M = 0.018, 0.008
+"""How far the base sways over the feet that stand, and how far it goes up and down."""
+
+FULL_SPEED_M_S = 0.6
+"""Speed at which bob and arm swing are full."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +57,8 @@ def plan_gait(root: RootTrajectory, robot: RobotModel) -> Gait:
         return Gait(np.empty((0, frames, 4)), np.empty((0, frames)), still, still, still)
     offsets = robot.foot_offsets_m
     step_s = _rhythm(root, offsets, robot.leg_m)
-    support_s = _DOUBLE_SUPPORT * step_s
-    clearance_m = min(_CLEARANCE_M, _CLEARANCE * robot.leg_m)
+    support_s = DOUBLE_SUPPORT * step_s
+    clearance_m = step_clearance_m(robot.leg_m)
     steps = int(np.ceil(times[-1] / step_s)) + 1
     feet, lift = np.empty((len(offsets), frames, 4)), np.zeros((len(offsets), frames))
     for foot, (leg, offset) in enumerate(zip(robot.legs, offsets, strict=True)):
@@ -65,7 +69,7 @@ def plan_gait(root: RootTrajectory, robot: RobotModel) -> Gait:
             lift_s = step * step_s + support_s / 2.0
             land_s = (step + 1) * step_s - support_s / 2.0
             moved = footholds[step] - planted
-            if np.hypot(*moved[:2]) < _MIN_STEP_M and abs(moved[2]) < _MIN_STEP_RAD:
+            if np.hypot(*moved[:2]) < MIN_STEP_M and abs(moved[2]) < MIN_STEP_RAD:
                 continue
             phase = (times - lift_s) / (land_s - lift_s)
             path = planted + eased(phase)[:, None] * moved
@@ -79,11 +83,11 @@ def plan_gait(root: RootTrajectory, robot: RobotModel) -> Gait:
             lift[foot] = np.maximum(lift[foot], np.clip(ramp, 0.0, 1.0))
     load = 1.0 - lift
     load = load / load.sum(axis=0)
-    effort = np.clip(np.abs(root.speed) / _FULL_SPEED_M_S, 0.0, 1.0)
-    sway = _SWAY_M * (offsets[:, 1] @ load) / np.abs(offsets[:, 1]).max()
+    effort = np.clip(np.abs(root.speed) / FULL_SPEED_M_S, 0.0, 1.0)
+    sway = SWAY_M * (offsets[:, 1] @ load) / np.abs(offsets[:, 1]).max()
     # The first group swings in even steps, with the arms of the other side forward.
     swing = np.sin(np.pi * (times / step_s - 0.5)) * effort
-    bob = -_BOB_M * np.cos(2.0 * np.pi * times / step_s) * effort
+    bob = -BOB_M * np.cos(2.0 * np.pi * times / step_s) * effort
     return Gait(feet, load, _smooth(sway, support_s), bob, swing)
 
 
@@ -91,9 +95,19 @@ def _rhythm(root: RootTrajectory, offsets: np.ndarray, leg_m: float) -> float:
     """Seconds a step takes at this trajectory's greatest foot speed."""
     walked_m_s = np.linalg.norm(np.gradient(root.xy, 1.0 / RATE_HZ, axis=0), axis=1)
     turned_m_s = np.abs(np.gradient(root.yaw, 1.0 / RATE_HZ)) * np.linalg.norm(offsets, axis=1).max()
+    return step_seconds((walked_m_s + turned_m_s).max(), leg_m)
+
+
+def step_seconds(foot_m_s: float, leg_m: float) -> float:
+    """Seconds a step takes where feet go at ``foot_m_s`` under legs of ``leg_m``."""
     # A stance lasts a step and half of each double support.
     stance_m = 2.0 * _STRAY * leg_m
-    return min(_STEP_S, stance_m / ((1.0 + _DOUBLE_SUPPORT) * max((walked_m_s + turned_m_s).max(), 1e-6)))
+    return min(_STEP_S, stance_m / ((1.0 + DOUBLE_SUPPORT) * max(foot_m_s, 1e-6)))
+
+
+def step_clearance_m(leg_m: float) -> float:
+    """How high a foot is lifted, of legs of ``leg_m``."""
+    return min(_CLEARANCE_M, _CLEARANCE * leg_m)
 
 
 def _footholds(root: RootTrajectory, times: np.ndarray, at_s: np.ndarray, offset_m: np.ndarray) -> np.ndarray:

@@ -20,24 +20,46 @@ _MIN_GAZE_S = 0.4
 # The waist keeps this far inside its limits.
 _LIMIT_MARGIN_RAD = 0.02
 
+_Angle = np.ndarray | float
+
 
 def upper_body(
     robot: RobotModel, root: RootTrajectory, gait: Gait, scope: BehaviourScope, rng: np.random.Generator
 ) -> np.ndarray:
     """(T, nq): the resting posture with the waist looking around and the arms swinging."""
-    model = robot.model
     qpos = np.tile(robot.rest_qpos, (len(root.yaw), 1))
     yaw, pitch = _gaze(len(root.yaw), scope, rng)
-    axes = axes_in_base(posed(model, robot.rest_qpos), robot.base)
-    for joint, axis, angle in ((robot.waist_yaw, 2, yaw), (robot.waist_pitch, 1, pitch + root.lean)):
-        if joint is not None:
-            sign = np.sign(axes[joint, axis])
-            low, high = model.jnt_range[joint] if model.jnt_limited[joint] else (-np.inf, np.inf)
-            qpos[:, model.jnt_qposadr[joint]] = np.clip(sign * angle, low + _LIMIT_MARGIN_RAD, high - _LIMIT_MARGIN_RAD)
-    for joint, side in zip(robot.shoulders, (1.0, -1.0), strict=False):
-        lifted = -np.sign(axes[joint, 1]) * root.reach  # about the left, an arm falls
-        qpos[:, model.jnt_qposadr[joint]] += side * _ARM_SWING_RAD * gait.swing + lifted
+    UpperBody(robot).pose(qpos, yaw, pitch + root.lean, gait.swing, root.reach)
     return qpos
+
+
+class UpperBody:
+    """The joints of a robot's waist and shoulders, and which way they turn."""
+
+    def __init__(self, robot: RobotModel) -> None:
+        model = robot.model
+        axes = axes_in_base(posed(model, robot.rest_qpos), robot.base)
+        self._waist = []
+        for joint, axis in ((robot.waist_yaw, 2), (robot.waist_pitch, 1)):
+            if joint is not None:
+                low, high = model.jnt_range[joint] if model.jnt_limited[joint] else (-np.inf, np.inf)
+                bounds = low + _LIMIT_MARGIN_RAD, high - _LIMIT_MARGIN_RAD
+                self._waist.append((model.jnt_qposadr[joint], axis, np.sign(axes[joint, axis]), bounds))
+        self._shoulders = [
+            (model.jnt_qposadr[joint], side, -np.sign(axes[joint, 1]))  # about the left, an arm falls
+            for joint, side in zip(robot.shoulders, (1.0, -1.0), strict=False)
+        ]
+
+    def pose(self, qpos: np.ndarray, yaw: _Angle, pitch: _Angle, swing: _Angle, reach: _Angle) -> None:
+        """Write the waist's angles into ``qpos`` (T, nq), which has the shoulders at rest, and move these.
+
+        ``yaw``, ``pitch`` and ``reach`` (T,) or one, radians to the left and forward; ``swing``
+        in [-1, 1].
+        """
+        for address, axis, sign, (low, high) in self._waist:
+            qpos[:, address] = np.clip(sign * (yaw if axis == 2 else pitch), low, high)
+        for address, side, lifting in self._shoulders:
+            qpos[:, address] += side * _ARM_SWING_RAD * swing + lifting * reach
 
 
 def _gaze(frames: int, scope: BehaviourScope, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

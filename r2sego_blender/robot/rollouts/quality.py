@@ -7,12 +7,11 @@ import numpy as np
 
 from ..behaviours.trajectory import Seat
 from ..model.composition import Composition
-from ..model.contacts import Contacts
+from ..model.contacts import SEATED_LOAD, Contacts
 from .rollout import Quality
 
-# Shares of the robot's weight: more on a foot is stance, more on a seat is sitting.
+# More than this share of the robot's weight on a foot is stance.
 _STANCE_LOAD = 0.1
-_SEATED_LOAD = 0.3
 
 
 class Meter:
@@ -41,7 +40,7 @@ class Meter:
         if self._seat is not None:
             on_seat = composition.seat_geoms[contacts.robot] & self._seat.holds(contacts.position_m)
             carried_n = (contacts.force_n * contacts.level)[on_seat].sum()
-            seated = carried_n >= _SEATED_LOAD * self._weight_n
+            seated = carried_n >= SEATED_LOAD * self._weight_n
             self.seated_s = self.seated_s + self._period_s if seated else 0.0
         if composition.has_wrench:
             self._assist_n.append(float(np.linalg.norm(data.actuator_force[:3])))

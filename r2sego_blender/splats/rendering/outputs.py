@@ -147,7 +147,7 @@ def _identify_places(
 
 
 @kernel
-def _blend(record, left, top, columns, rows, transmittance, weights):
+def block_weights(record, left, top, columns, rows, transmittance, weights):
     """Fill a block's ``weights`` (16,) of a Gaussian; returns in how many pixels it counts.
 
     ``left`` and ``top`` are the distance of the block's first pixel from the Gaussian's
@@ -206,7 +206,7 @@ def _identify_tiles(records, places, blocks, starts, tiles_x, labels, place_map,
                     # From the tile's middle: far from the image's corner digits would be lost.
                     left = np.float32(x) - _MIDDLE - (record[U] - np.float32(tile_x + TILE_PX // 2))
                     top = np.float32(y) - _MIDDLE - (record[V] - np.float32(tile_y + TILE_PX // 2))
-                    pixels[k] += _blend(record, left, top, _COLUMNS, _ROWS, transmittance, weights)
+                    pixels[k] += block_weights(record, left, top, _COLUMNS, _ROWS, transmittance, weights)
                     place, light = places[k], np.float32(0.0)
                     for lane in range(LANES):
                         better = weights[lane] > best[lane]

@@ -30,14 +30,17 @@ def _arm(psnr, lpips=None):
 
 
 def test_arms_rounds_and_causes(evaluated):
-    arms = {"initial": _arm(19.5), "refined": _arm(25.0, 0.2), "vanilla_3dgs": _arm(21.5)}
+    trained = {"vanilla_3dgs": _arm(21.5), "same_points": _arm(21.75), "without_generated_views": _arm(24.5)}
+    arms = {"initial": _arm(19.5), "refined": _arm(25.0, 0.2), **trained}
     scores = report_scores(evaluated({"arms": arms, "rounds": fake_captures.ROUNDS, "causes": fake_captures.CAUSES}))
     assert [(arm.label, arm.psnr, arm.lpips) for arm in scores.arms] == [
         ("Refined", 25.0, 0.2),
+        ("No generated views", 24.5, None),
+        ("Same points", 21.75, None),
         ("Vanilla 3DGS", 21.5, None),
         ("Initial", 19.5, None),
     ]
-    assert scores.summary == "25.00 dB (+3.50), SSIM 0.800"
+    assert scores.summary == "25.00 dB (+3.25), SSIM 0.800"
     assert [(one.label, one.psnr) for one in scores.rounds] == [("Round 0", 24.2), ("Round 1", 23.9), ("Round 2", None)]
     assert [(one.label, one.error) for one in scores.causes] == [("Wrong depth", 0.41), ("Edges", None)]
     assert scores.mending == "Wrong depth: more photographs"

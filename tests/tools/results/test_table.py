@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from r2sego_blender.evaluation.arms import ARMS
 from tools.results import table
 
 ROOT = Path(__file__).parents[3]
@@ -33,7 +34,7 @@ def evaluated(tmp_path, monkeypatch):
         report.mkdir(parents=True, exist_ok=True)
         captures.mkdir(exist_ok=True)
         arm = {"psnr": 20.0, "ssim": 0.5, "views": [1, 2]}
-        arms = {"initial": arm, "vanilla_3dgs": arm, "refined": {**arm, "psnr": 23.5}}
+        arms = dict.fromkeys(ARMS, arm) | {"same_points": {**arm, "psnr": 21.0}, "refined": {**arm, "psnr": 23.5}}
         (report / "metrics.json").write_text(json.dumps({"arms": arms}))
         (captures / "cameras.json").write_text(json.dumps({"captures": [{}] * 6}))
         declared = SimpleNamespace(overrides={"rounds": 1}, preset="preview")
@@ -91,7 +92,7 @@ def test_a_scene_without_scores_is_named(tmp_path, made):
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
     assert f"{scene}" in done.stderr
-    assert ("not evaluated yet" if made else "this is not a scene bundle") in done.stderr
+    assert ("not all scored yet" if made else "this is not a scene bundle") in done.stderr
 
 
 def test_the_table_is_printed_and_nothing_written(readme, evaluated, capsys):
