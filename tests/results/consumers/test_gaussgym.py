@@ -69,7 +69,7 @@ def test_the_loader_keeps_the_whole_path(written):
 
 
 def test_the_ceiling_is_left_out_and_furniture_is_not(written):
-    folder, room = written
+    folder, _ = written
     with np.load(folder / MESH) as told:
         heights = told["vertices"][told["triangles"]][:, :, 2]
     assert not (heights.min(axis=1) > 2.4).any()  # the ceiling is at 2.5 m
