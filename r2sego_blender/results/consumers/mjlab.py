@@ -21,7 +21,7 @@ def spec_fn() -> mujoco.MjSpec:
     """The room below one fixed body, as mjlab wants an entity."""
     spec = mujoco.MjSpec()
     room = mujoco.MjSpec.from_file(str(Path(__file__).with_name("scene.xml")))
-    spec.attach(room, frame=spec.worldbody.add_body(name="room").add_frame())
+    spec.attach(room, prefix="scene/", frame=spec.worldbody.add_body(name="room").add_frame())
     return spec
 
 

@@ -130,7 +130,7 @@ def test_mujoco_warp_gets_splats_whose_colours_are_those_of_degree_0(room, tmp_p
     assert np.allclose(axes @ axes.transpose(0, 2, 1), ours @ ours.transpose(0, 2, 1), rtol=1e-4, atol=1e-9)
     one = asset.subset(np.array([int(np.argmax(asset.opacities * (asset.base_colours.min(axis=1) > 0)))]))
     where = one.means[0].astype(np.float64)
-    camera = Camera(31, 31, 900.0, 900.0, 15.5, 15.5, look_at(where + (0.5, 0.1, 0.2), where))
+    camera = Camera(31, 31, 900.0, 900.0, 15.5, 15.5, look_at(where + np.array([0.5, 0.1, 0.2]), where))
     rgba = splats["splat_rgba"][np.flatnonzero((splats["splat_position"] == one.means[0]).all(axis=1))[0]]
     assert np.allclose(render(one.with_degree(0), camera).colour[15, 15], rgba[:3] * rgba[3], atol=0.01)
 
