@@ -4,3 +4,7 @@ A bundle becomes Gymnasium environments, in which a privileged teacher labels wh
 images alone. Uses ``splats`` and ``robot`` for what is seen and what moves, and ``bundle``, ``config`` and ``core``;
 needs the packages of the extra ``policy``. Begin with ``environment``, then ``teacher``, ``student`` and ``dagger``.
 """
+
+from .environment.registration import register
+
+register()

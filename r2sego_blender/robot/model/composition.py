@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -121,15 +121,19 @@ def compose(
     servos: Mapping[str, Servo] | None = None,
     wrench: bool = True,
     step_s: float | None = None,
+    furnish: Callable[[mujoco.MjSpec], None] | None = None,
 ) -> Composition:
     """Attach ``robot`` to the scene of ``collision_mjcf``, ready to be driven.
 
     ``servos`` by joint, in the actuators' order, replace the robot's own; ``wrench`` adds the
-    helping wrench that tracks a reference; ``step_s`` replaces the settings' time step. The
-    robot meets the scene but not itself: its reference motions keep its limbs apart, and
-    convex hulls of neighbouring links would fight each other. Raises RobotError.
+    helping wrench that tracks a reference; ``step_s`` replaces the settings' time step, and
+    ``furnish`` adds fixed bodies to the scene. The robot meets the scene but not itself: its
+    reference motions keep its limbs apart, and convex hulls of neighbouring links would fight
+    each other. Raises RobotError.
     """
     spec = scene_spec(collision_mjcf)
+    if furnish is not None:
+        furnish(spec)
     for geom in spec.geoms:
         geom.contype, geom.conaffinity = _SCENE_BIT, _ROBOT_BIT
         if wrench and np.array_equal(geom.solref, _MUJOCO_SOLREF):  # else it says how soft it is

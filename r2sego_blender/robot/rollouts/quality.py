@@ -20,6 +20,8 @@ class Meter:
     def __init__(self, composition: Composition, seat: Seat | None, period_s: float) -> None:
         self._composition, self._seat, self._period_s = composition, seat, period_s
         self._weight_n = composition.robot_mass_kg * 9.81
+        of_body = composition.model.geom_bodyid
+        self._on_foot = [np.isin(of_body, leg.foot_bodies) for leg in composition.legs]  # (ngeom,) bool a leg
         self._planted: dict[int, np.ndarray] = {}
         self._assist_n: list[float] = []
         self.foot_slide_m = self.penetration_m = self.seated_s = 0.0
@@ -28,10 +30,8 @@ class Meter:
         """Take the state in ``data`` into account."""
         composition = self._composition
         self.penetration_m = max(self.penetration_m, contacts.depth_m.max(initial=0.0))
-        bodies = composition.model.geom_bodyid[contacts.robot]
-        for leg in composition.legs:
-            on_foot = np.isin(bodies, leg.foot_bodies)
-            if contacts.force_n[on_foot].sum() < _STANCE_LOAD * self._weight_n:
+        for leg, on_foot in zip(composition.legs, self._on_foot, strict=True):
+            if contacts.force_n[on_foot[contacts.robot]].sum() < _STANCE_LOAD * self._weight_n:
                 self._planted.pop(leg.foot, None)
                 continue
             place = leg.tip_place(data)[:2]

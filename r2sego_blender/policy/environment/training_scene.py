@@ -1,0 +1,118 @@
+"""A bundle as a policy is trained in it: loaded once a process, shared by all its environments."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from ...bundle.scene import Scene
+from ...captures.store import CAPTURES
+from ...config.settings import RolloutSettings
+from ...core.digests import content_digest
+from ...core.errors import SceneError
+from ...geometry.collision.collision_files import SCENE_XML
+from ...geometry.objects.prior_files import PRIORS
+from ...geometry.proxy.proxy import PROXY
+from ...refine.behaviour import DeclaredBehaviour
+from ...robot.behaviours.trajectory import Seat
+from ...robot.model.model import RobotModel
+from ...robot.planning.free_floor import FreeFloor, free_floor
+from ...robot.planning.navigation import ways_from
+from ...robot.planning.seats import find_seats
+from ...robot.scope.scope import BehaviourScope
+from ...splats.formats.registry import load_asset
+from ...splats.kernels.packing import PackedGaussians
+
+_TURN_M = 0.5  # a turn by a radian counts like a step of this, where places to sit are compared
+
+
+@dataclass(frozen=True)
+class TrainingScene:
+    """Where episodes take place; nothing of it is changed by them.
+
+    ``scope`` has its region's corners; ``collision_mjcf`` is the refined collision surface and
+    ``floor`` where the robot may stand on it; ``asset`` is what the head camera sees.
+    """
+
+    robot: RobotModel
+    scope: BehaviourScope
+    settings: RolloutSettings
+    collision_mjcf: Path
+    asset: PackedGaussians
+    floor: FreeFloor
+
+    @staticmethod
+    def open(bundle: Path, robot: str = "", scope: str = "", sits: bool = False, asset: str = "") -> TrainingScene:
+        """The scene of a refined bundle; what is open already in this process is not read again.
+
+        ``robot`` and ``scope`` stand in for those the bundle declares. A declared scope without the
+        behaviour of the task, to sit down where ``sits`` and else to walk, gives way to the library's.
+        ``asset`` is another visual asset's file. Raises SceneError where the bundle is not refined,
+        AssetError and RobotError as their loaders do.
+        """
+        declared = Scene.open(Path(bundle))
+        file = Path(asset) if asset else declared.asset_file
+        mjcf = declared.collision_folder / SCENE_XML
+        for needed in (file, mjcf):
+            if not needed.is_file():
+                raise SceneError(
+                    f"the scene has no {needed.name} yet", where=declared.path, cure="Run `r2sego refine` first."
+                )
+        key = tuple(map(content_digest, (file, declared.collision_folder, declared.path / "scene.toml")))
+        return _opened(declared.path.resolve(), robot, scope, sits, file.resolve(), key)
+
+    @cached_property
+    def seats(self) -> tuple[Seat, ...]:
+        """One place on each surface to sit on: the one in the middle of all that the surface offers.
+
+        Raises RobotError where there is none.
+        """
+        places = find_seats(self.robot.half_width_m, self.floor, self.scope.sit_on, self.collision_mjcf)
+        surfaces = sorted({seat.surface for seat in places})
+        return tuple(_in_the_middle([seat for seat in places if seat.surface == surface]) for surface in surfaces)
+
+    @cached_property
+    def ways(self) -> tuple[np.ndarray, np.ndarray]:
+        """The seat with the shortest way to the place before it, by index, and that way (ny, nx), metres."""
+        return ways_from(self.floor, *self.floor.cells(np.array([seat.ahead(seat.approach_m) for seat in self.seats])))
+
+
+@functools.lru_cache(maxsize=8)
+def _opened(
+    bundle: Path, robot: str, scope_name: str, sits: bool, asset: Path, digests: tuple[str, ...]
+) -> TrainingScene:
+    """``digests`` are of all that is read: a scene that has changed is another."""
+    scene = Scene.open(bundle)
+    scope = BehaviourScope.load(scope_name or scene.declaration.scope)
+    if not scope_name and getattr(scope.behaviours, "sit_on" if sits else "walk_to") <= 0.0:
+        scope = BehaviourScope.load("sit_down" if sits else "walk_and_look")
+    behaviour = DeclaredBehaviour(scope, robot or scene.declaration.robot)
+    model = behaviour.model
+    if scope.look.camera_pitch_deg is not None:  # rollouts draw from it; a robot is sent out with one
+        model = replace(model, mount=model.mount.pitched(sum(scope.look.camera_pitch_deg) / 2.0))
+    proxy = scene.read(PROXY.of_round(scene.rounds_of_result() - 1))
+    priors = scene.read(PRIORS) if behaviour.names_object else ()
+    placed = behaviour.placed(scene.read(CAPTURES), proxy, priors)
+    mjcf = scene.collision_folder / SCENE_XML
+    return TrainingScene(
+        robot=model,
+        scope=placed,
+        settings=scene.declaration.settings.rollouts,
+        collision_mjcf=mjcf,
+        asset=PackedGaussians.of(load_asset(asset)),
+        floor=free_floor(model, placed, mjcf),
+    )
+
+
+def _in_the_middle(places: Sequence[Seat]) -> Seat:
+    """The place with the least sum of distances to the others, the first of equal ones."""
+    edges = np.array([seat.edge_m for seat in places])
+    yaws = np.array([seat.yaw_rad for seat in places])
+    turns = np.abs(np.angle(np.exp(1j * (yaws[:, None] - yaws))))
+    apart = np.linalg.norm(edges[:, None] - edges, axis=2) + _TURN_M * turns
+    return places[int(apart.sum(axis=1).argmin())]
