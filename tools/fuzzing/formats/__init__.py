@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from . import bundles, captures, declared, objects, pictures, robots, splats, tokens, trials, views, workers
+from . import bundles, captures, declared, objects, pictures, robots, splats, tokens, training, trials, views, workers
 
 HARNESSES = (
     *splats.HARNESSES,
@@ -11,6 +11,7 @@ HARNESSES = (
     *objects.HARNESSES,
     *robots.HARNESSES,
     *tokens.HARNESSES,
+    *training.HARNESSES,
     *declared.HARNESSES,
     *bundles.HARNESSES,
     *views.HARNESSES,

@@ -1,0 +1,42 @@
+"""A bundle's environments as the loop knows them, with the teacher of each episode's floor."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...robot.controllers.commanded_drive import DriveCommand
+from ..environment.state import PrivilegedState
+from ..teacher.teacher import Teacher
+from .interfaces import Observation
+
+if TYPE_CHECKING:
+    from ..environment.environments import SitEnv, WalkEnv
+
+
+class BundleEpisodes:
+    """An environment and a teacher, both over ``env``: with a chair, each episode's free floor is its own."""
+
+    def __init__(self, env: SitEnv | WalkEnv) -> None:
+        self._env, self._teacher = env, self._teacher_of(env)
+
+    def reset(self, seed: int) -> tuple[Observation, PrivilegedState]:
+        """Begin episode ``seed``."""
+        observation, info = self._env.reset(seed=seed)
+        if self._env.floor is not self._teacher.floor:
+            self._teacher = self._teacher_of(self._env)
+        return observation, info["state"]
+
+    def step(self, action: np.ndarray) -> tuple[Observation, PrivilegedState, bool]:
+        """Do ``action`` (4,); the last says whether the episode is over."""
+        observation, _, ended, cut_off, info = self._env.step(action)
+        return observation, info["state"], ended or cut_off
+
+    def label(self, state: PrivilegedState, phase: Any = None) -> tuple[DriveCommand, Any]:
+        """What the teacher does in ``state`` of the present episode."""
+        return self._teacher.label(state, phase)
+
+    @staticmethod
+    def _teacher_of(env: SitEnv | WalkEnv) -> Teacher:
+        return Teacher(env.floor, env.scene.robot.rest_height_m, env.limits)

@@ -1,0 +1,45 @@
+"""Settings of DAgger."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ...config.fields import setting
+
+
+@dataclass(frozen=True)
+class DaggerSettings:
+    """How a student is trained; with the same settings, runs differ in what their environments show alone."""
+
+    seed: int = setting(0, "Of the network's initial weights, the episodes and their order.", 0, 2**31 - 1)
+    teacher_episodes: int = setting(100, "Episodes that the teacher drives.", 1, 100_000)
+    iterations: int = setting(4, "Times that the student acts and learns again, after the teacher's episodes.", 0, 1000)
+    episodes: int = setting(32, "Episodes of each iteration.", 1, 100_000)
+    teacher_share: float = setting(
+        0.5, "Beta of the first iteration: the share of its steps that the teacher drives; it falls to 0.", 0.0, 1.0
+    )
+    turns_steps: int = setting(10, "Teacher and student drive for so many steps at a time.", 1, 10_000)
+    epochs: int = setting(3, "Passes over all episodes after each iteration but the last.", 1, 10_000)
+    last_epochs: int = setting(5, "Passes over all episodes at the end, while the learning rate falls to 0.", 1, 10_000)
+    sequences: int = setting(8, "Episodes that a batch walks through side by side.", 1, 1024)
+    window_steps: int = setting(32, "Steps of truncated backpropagation through time.", 1, 1024)
+    learning_rate: float = setting(1e-3, "Of Adam.", 1e-6, 1.0)
+    sit_weight: float = setting(0.3, "Of the loss of sitting, a logit; that of the commands is 1.", 0.0, 100.0)
+    seat_weight: float = setting(0.1, "Of the loss of the seat's pose.", 0.0, 100.0)
+    shift_px: int = setting(3, "Pictures are shifted by up to so much, an episode alike.", 0, 32)
+    brightness: float = setting(0.2, "Pictures are made brighter or darker by up to this share.", 0.0, 0.9)
+    threads: int = setting(1, "Threads of torch; the same bits come of the same number.", 1, 1024)
+
+    def beta(self, iteration: int) -> float:
+        """The share of steps that the teacher drives in ``iteration``: 1 in the 0th, 0 in the last."""
+        if iteration == 0:
+            return 1.0
+        return self.teacher_share * (self.iterations - iteration) / max(1, self.iterations - 1)
+
+    def epochs_of(self, iteration: int) -> int:
+        """Passes over all episodes after ``iteration``."""
+        return self.last_epochs if iteration == self.iterations else self.epochs
+
+    def rate(self, iteration: int, done: float) -> float:
+        """The learning rate when the share ``done`` of the passes after ``iteration`` is made."""
+        return self.learning_rate * (1.0 - done if iteration == self.iterations else 1.0)

@@ -1,0 +1,66 @@
+"""What a training of a policy leaves: recorded episodes and checkpoints."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..harness import Harness
+
+_STEPS, _PROPRIO = 3, 8
+
+
+def _episode(folder: Path) -> None:
+    from r2sego_blender.policy.dagger.episodes import Episode, EpisodeStore, Outcome
+    from r2sego_blender.policy.student.targets import PICTURE_SHAPE, SEAT_TARGETS
+
+    parts = (np.linspace(-1.0, 1.0, _STEPS * size).reshape(_STEPS, size) for size in (_PROPRIO, 4, SEAT_TARGETS))
+    proprio, actions, seat = (part.astype(np.float32) for part in parts)
+    pictures = np.full((_STEPS, *PICTURE_SHAPE), 90, np.uint8)
+    EpisodeStore(folder).add(0, Episode(pictures, proprio, actions, seat, Outcome(7, "fall", _STEPS, 12.0)))
+
+
+def _read_episode(folder: Path) -> Any:
+    from r2sego_blender.policy.dagger.episodes import EpisodeStore
+
+    episode = EpisodeStore(folder)[0]
+    return dataclasses.replace(episode, seat=np.nan_to_num(episode.seat))  # nan is where there is no seat
+
+
+def _checkpoint(folder: Path) -> None:
+    import torch
+
+    from r2sego_blender.policy.dagger.checkpoints import Place, save_checkpoint
+    from r2sego_blender.policy.dagger.settings import DaggerSettings
+    from r2sego_blender.policy.student.network import Student
+
+    with torch.random.fork_rng(devices=()):
+        torch.manual_seed(0)
+        student = Student(_PROPRIO)
+    save_checkpoint(
+        folder / "checkpoint.npz", student, torch.optim.Adam(student.parameters()), Place(), DaggerSettings()
+    )
+
+
+def _read_checkpoint(folder: Path) -> Any:
+    import torch
+
+    from r2sego_blender.policy.dagger.checkpoints import load_checkpoint
+    from r2sego_blender.policy.dagger.settings import DaggerSettings
+    from r2sego_blender.policy.student.network import Student
+
+    student = Student(_PROPRIO)
+    place = load_checkpoint(
+        folder / "checkpoint.npz", student, torch.optim.Adam(student.parameters()), DaggerSettings()
+    )
+    return place, {name: tensor.numpy() for name, tensor in student.state_dict().items()}
+
+
+HARNESSES = (
+    Harness("training/episode", _episode, "000000/steps.npz", "npz", _read_episode),
+    Harness("training/pictures", _episode, "000000/pictures.raw", "bytes", _read_episode, share=0.2),
+    Harness("training/checkpoint", _checkpoint, "checkpoint.npz", "npz", _read_checkpoint, share=0.05),
+)
