@@ -13,9 +13,7 @@ from .options import ANY_PATH, FOLDER, Commands, Output, output_options, overrid
 
 def _task_options(command: Callable) -> Callable:
     for option in (
-        click.option(
-            "--asset", default="", metavar="PLY", help="Splats in place of the scene's own."
-        ),
+        click.option("--asset", default="", metavar="PLY", help="Splats in place of the scene's own."),
         click.option("--chairs", default="", metavar="NAME,NAME", help="Separate chairs in place of the room's seats."),
     ):
         command = option(command)

@@ -8,11 +8,11 @@ import pytest
 import trimesh
 from painted_room import write_painted_room
 
+from r2sego_blender.bundle.figures import BASELINES
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import EvaluationError, SceneError, SettingsError
 from r2sego_blender.core.images import save_image
-from r2sego_blender.bundle.figures import BASELINES
 from r2sego_blender.evaluation.arms import ARMS
 from tools.benchmarks.figures import write_figures
 from tools.benchmarks.refinement import bench_refinement, lines
