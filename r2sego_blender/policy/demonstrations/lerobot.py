@@ -38,7 +38,7 @@ _FILES_IN_CHUNK, _DATA_MB, _VIDEO_MB = 1000, 100, 200
 
 @dataclass(frozen=True)
 class Demonstration:
-    """One episode of T frames: ``images`` (T, H, W, 3) uint8 of the head camera, H and W even, and the ``task`` in words.
+    """One episode of T frames: ``images`` (T, H, W, 3) uint8 of the head camera, even sides, and its ``task`` in words.
 
     ``features`` (T, D) float32 by their names, as ``observation.state`` and ``action``, the same in all episodes.
     """
