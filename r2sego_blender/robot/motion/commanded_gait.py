@@ -82,7 +82,7 @@ class CommandedGait:
         if self._swinging >= 0:
             self._swing(base, wanted, swings)
         ramp = _DT / self._support_s
-        self._lift += np.clip(swings - self._lift, -ramp, ramp)
+        self._lift += np.minimum(np.maximum(swings - self._lift, -ramp), ramp)
         load = np.maximum(1.0 - self._lift, 1e-9)
         self.load = load / load.sum()
         self._swayed.append(SWAY_M * float(self._aside @ self.load))
