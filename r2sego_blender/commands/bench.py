@@ -177,6 +177,9 @@ def bench_rollouts(scopes: tuple[str, ...], file: Path | None, **given: Any) -> 
 @_figures_file
 def bench_policy(file: Path | None, **given: Any) -> None:
     """Time the environments that policies are trained in, and head pictures of many simulations at once."""
+    from ..policy.packages import policy_package
+
+    policy_package("gymnasium")
     _measure("policy", file, **given)
 
 

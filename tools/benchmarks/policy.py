@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -65,9 +65,7 @@ def bench_policy(
             **_alone(env, steps),
         }
         task.advance()
-        figures["side_by_side"] = (
-            _side_by_side(bundle, processes, max(1, steps // processes)) if processes > 1 else None
-        )
+        figures["side_by_side"] = _side_by_side(bundle, processes, steps) if processes > 1 else None
         task.advance()
         figures["heads"] = _heads(env)
         task.advance()
@@ -78,14 +76,14 @@ def lines(figures: dict[str, Any]) -> list[str]:
     """The figures as lines for a person."""
     f, two, heads = figures, figures["side_by_side"], figures["heads"]
     beside = [f"{two['processes']} processes: {two['steps_a_second']:.0f} steps a second by the clock"] if two else []
+    alone = f"{f['steps_a_cpu_second']:.0f} steps a second of its processor, {f['steps_a_second']:.0f} by the clock"
+    seen = f"{heads['pictures_a_cpu_second']:.0f} a second of processor, {heads['pictures_a_second']:.0f} by the clock"
     return [
         f"{f['machine']}, {f['cores']} cores",
         f"{f['scene']}, {f['gaussians']} Gaussians",
-        f"one process, one thread: {f['steps_a_cpu_second']:.0f} steps a second of its processor, "
-        f"{f['steps_a_second']:.0f} by the clock; a picture takes {f['picture_ms']:.1f} ms",
+        f"one process, one thread: {alone}; a picture takes {f['picture_ms']:.1f} ms",
         *beside,
-        f"heads at {heads['size']}: {heads['pictures_a_cpu_second']:.0f} a second of processor, "
-        f"{heads['pictures_a_second']:.0f} by the clock on {heads['threads']} threads",
+        f"heads at {heads['size']}: {seen} on {heads['threads']} threads",
     ]
 
 
@@ -97,9 +95,9 @@ def _alone(env: SitEnv, steps: int) -> dict[str, float]:
         env.reset(seed=0)
         for action in actions[:_WARM_UP]:
             _step(env, action)
-        costs = _costing(lambda: [_step(env, action) for action in actions[_WARM_UP:]])
+        costs = _costing(lambda action: _step(env, action), actions[_WARM_UP:])
         env.reset(seed=0)
-        pictures = _costing(lambda: [env.observed() for _ in range(steps)])
+        pictures = _costing(lambda _: env.observed(), range(steps))
     finally:
         numba.set_num_threads(before)
     return {
@@ -116,6 +114,7 @@ def _step(env: SitEnv, action: np.ndarray) -> None:
 
 
 def _side_by_side(bundle: Path, processes: int, steps: int) -> dict[str, Any]:
+    steps = max(1, steps // processes)
     env = gymnasium.make_vec(
         _ENV, processes, vectorization_mode="async", vector_kwargs={"context": "spawn"}, bundle=str(bundle)
     )
@@ -124,7 +123,7 @@ def _side_by_side(bundle: Path, processes: int, steps: int) -> dict[str, Any]:
         actions = _actions(processes * (steps + _WARM_UP)).reshape(-1, processes, 4)
         for action in actions[:_WARM_UP]:
             env.step(action)
-        _, wall_s = _costing(lambda: [env.step(action) for action in actions[_WARM_UP:]])
+        _, wall_s = _costing(env.step, actions[_WARM_UP:])
     finally:
         env.close()
     return {"processes": processes, "steps_a_second": processes * steps / wall_s}
@@ -144,13 +143,13 @@ def _heads(env: SitEnv) -> dict[str, Any]:
     qpos[:, 3], qpos[:, 6] = np.cos(turn), np.sin(turn)
     rasterizer, lens = Rasterizer(), scene.robot.mount.camera(_HEAD_PX, _HEAD_PX)
 
-    def drawn() -> None:
+    def draw(_: int) -> None:
         batch.step()
         for pose in scene.robot.camera_poses(np.array(qpos)):
             rasterizer.forward(scene.asset, lens.at(pose), with_depth=False)
 
-    drawn()
-    cpu_s, wall_s = _costing(lambda: [drawn() for _ in range(_HEAD_ROUNDS)])
+    draw(0)
+    cpu_s, wall_s = _costing(draw, range(_HEAD_ROUNDS))
     count = _WORLDS * _HEAD_ROUNDS
     return {
         "size": f"{_HEAD_PX}x{_HEAD_PX}",
@@ -177,8 +176,9 @@ def _made_up(path: Path, gaussians: int) -> Path:
     return scene.path
 
 
-def _costing(work: Callable[[], Any]) -> tuple[float, float]:
-    """Seconds of this process' processors, and by the clock."""
+def _costing(work: Callable[[Any], Any], turns: Iterable[Any]) -> tuple[float, float]:
+    """Seconds of this process' processors, and by the clock, that ``work`` takes for all ``turns``."""
     cpu_s, wall_s = time.process_time(), time.perf_counter()
-    work()
+    for turn in turns:
+        work(turn)
     return time.process_time() - cpu_s, time.perf_counter() - wall_s
