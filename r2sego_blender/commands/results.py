@@ -44,8 +44,15 @@ def evaluate(scene: Path, frozen: Path, output: Output) -> None:
     "--splats", default="", metavar=".SPZ,.GLB", help="The asset in these formats too; `r2sego convert --help` has all."
 )
 @click.option("--textured", is_flag=True, help="The proxy with baked colours too, for simulators.")
+@click.option(
+    "--for",
+    "consumers",
+    multiple=True,
+    metavar="NAME",
+    help="A folder for training code too: gaussgym, mjlab, mujoco-warp, newton or playground. May be repeated.",
+)
 @output_options("--json-progress")
-def export(scene: Path, folder: Path, splats: str, textured: bool, output: Output) -> None:
+def export(scene: Path, folder: Path, splats: str, textured: bool, consumers: tuple[str, ...], output: Output) -> None:
     """Copy SCENE's asset, collision surface and proxy to a folder other tools read.
 
     asset.ply, collision/ (MJCF, URDF, SDF, USD, OBJ, STL, GLB), proxy.ply, cameras.json, and about.txt,
@@ -54,7 +61,7 @@ def export(scene: Path, folder: Path, splats: str, textured: bool, output: Outpu
     from ..results.export import export_scene
 
     suffixes = [f".{name.strip().lower().lstrip('.')}" for name in splats.split(",") if name.strip()]
-    written = export_scene(Scene.open(scene), folder, suffixes, textured, output.progress)
+    written = export_scene(Scene.open(scene), folder, suffixes, textured, output.progress, consumers)
     output.show({"files": [str(path) for path in written]}, lambda told: told["files"])
 
 

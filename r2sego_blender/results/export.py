@@ -26,6 +26,8 @@ from ..geometry.texture.textured_obj import obj_files
 from ..geometry.texture.textured_usd import write_textured_usd
 from ..robot.rollouts.spawn_poses import SPAWN_POSES
 from ..splats.formats.registry import SUFFIXES, format_of, load_asset, save_asset
+from .consumers.consumer import ExportedRoom
+from .consumers.registry import CONSUMERS
 from .plan import parts_outdated
 from .spawn_poses import spawn_poses_of
 from .status import robot_in_use
@@ -56,7 +58,12 @@ _ABOUT_CAMERAS = (
 
 
 def export_scene(
-    scene: Scene, folder: Path, splats: Sequence[str] = (), textured: bool = False, progress: Progress = SILENT
+    scene: Scene,
+    folder: Path,
+    splats: Sequence[str] = (),
+    textured: bool = False,
+    progress: Progress = SILENT,
+    consumers: Sequence[str] = (),
 ) -> list[Path]:
     """Write the asset, the collision surface and the coloured proxy; returns what was written.
 
@@ -67,22 +74,28 @@ def export_scene(
     ``spawn_poses.json`` (where the declared robot may begin, if it can anywhere); the asset
     once more for each suffix in ``splats``, such as ``.spz`` (docs/splat_formats.md); if ``textured``
     the proxy with baked colours in ``textured/``, as OBJ, MJCF and USD; with either in USD also
-    ``room.usda``, a stage of them and the collision surface; and ``about.txt``, which says what
-    these are and what made them.
+    ``room.usda``, a stage of them and the collision surface; a folder for each of ``consumers``, by
+    its name in ``consumers.registry``; and ``about.txt``, which says what these are and what made them.
     Nothing appears before all of it is written; the folders of an earlier export go, and what it wrote
     that this one does not is told. Raises SceneError where others of their names are, or lie in those
     folders, when the scene has no result yet, one of a world frame that was corrected since, or one that
     was damaged or changed since, while another process or thread writes to the scene, and for a folder
-    inside the scene; AssetError for a suffix that is no format of splats.
+    inside the scene; AssetError for a suffix that is no format of splats and a name that is no consumer's;
+    what a consumer's ``write`` raises.
     """
     for suffix in splats:
         if suffix not in SUFFIXES:
             raise AssetError(f"'{suffix}' is no format of splats", where="--splats", cure=f"Use {', '.join(SUFFIXES)}.")
+    for name in consumers:
+        if name not in CONSUMERS:
+            raise AssetError(f"'{name}' is no consumer", where="--for", cure=f"Use {', '.join(CONSUMERS)}.")
     with scene.held_still():
-        return _exported(scene, folder, splats, textured, progress)
+        return _exported(scene, folder, splats, textured, progress, tuple(dict.fromkeys(consumers)))
 
 
-def _exported(scene: Scene, folder: Path, splats: Sequence[str], textured: bool, progress: Progress) -> list[Path]:
+def _exported(
+    scene: Scene, folder: Path, splats: Sequence[str], textured: bool, progress: Progress, consumers: Sequence[str]
+) -> list[Path]:
     rounds = scene.rounds_of_result()
     if not scene.asset_file.is_file() or not scene.collision_folder.is_dir() or not rounds:
         raise SceneError(
@@ -99,6 +112,9 @@ def _exported(scene: Scene, folder: Path, splats: Sequence[str], textured: bool,
         for name in (*_FILES, ABOUT, *(f"asset{suffix}" for suffix in splats)):
             if (folder / name).is_file():
                 raise _not_of_an_export(folder / name)
+        for name in consumers:
+            if (folder / name).exists():
+                raise _not_of_an_export(folder / name)
     outdated = [part for part in parts_outdated(scene) if part in _EXPORTED_PARTS]
     if outdated:
         progress.message(f"{scene.path}: {_outdated_in_words(outdated)}", "warning")
@@ -114,6 +130,8 @@ def _exported(scene: Scene, folder: Path, splats: Sequence[str], textured: bool,
                 _write_textured(scene, staging / TEXTURED, proxy, progress)
                 names.append(TEXTURED)
             names += _write_room_stage(staging, names)
+            _write_for(consumers, scene, staging, progress)
+            names += consumers
             others = _others(folder, names)
             write_text(staging / ABOUT, _about(scene, names, rounds, others, outdated))
             names.append(ABOUT)
@@ -156,7 +174,7 @@ def _own_files(before: Path, made: Path) -> list[Path]:
 
 def _others(folder: Path, names: Sequence[str]) -> list[str]:
     """What is called as exports call things, is in the folder and is not among ``names``."""
-    made = (TEXTURED, ROOM_USDA, *(f"asset{suffix}" for suffix in SUFFIXES))
+    made = (TEXTURED, ROOM_USDA, *(f"asset{suffix}" for suffix in SUFFIXES), *CONSUMERS)
     return [name for name in made if name not in names and (folder / name).exists()]
 
 
@@ -208,6 +226,18 @@ def _write_room_stage(folder: Path, names: Sequence[str]) -> list[str]:
     return [ROOM_USDA]
 
 
+def _write_for(consumers: Sequence[str], scene: Scene, folder: Path, progress: Progress) -> None:
+    """A folder for each of other people's programs, with the robot's spawn poses where there are any."""
+    if not consumers:
+        return
+    room = ExportedRoom.of(scene, folder / "collision", progress)
+    for name in consumers:
+        (folder / name).mkdir()
+        CONSUMERS[name].write(room, folder / name)
+        if (folder / SPAWN_POSES).is_file():
+            _copy(folder / SPAWN_POSES, folder / name / SPAWN_POSES)
+
+
 def _outdated_in_words(parts: Sequence[str]) -> str:
     return (
         f"what made {', '.join(parts)} has changed since; they may not belong together "
@@ -231,8 +261,9 @@ def _about(scene: Scene, names: Sequence[str], rounds: int, others: Sequence[str
         *[f"Not of one piece: {_outdated_in_words(outdated)}."] * bool(outdated),
         "",
     ]
+    files = _FILES | {name: one.about for name, one in CONSUMERS.items()}
     for name in names:
-        text = _FILES.get(name) or f"asset.ply in another format{', Y up' * format_of(name).is_y_up}"
+        text = files.get(name) or f"asset.ply in another format{', Y up' * format_of(name).is_y_up}"
         first, *more = text.split("\n")
         lines += [f"{name:<{_WIDTH}}{first}", *(" " * _WIDTH + line for line in more)]
     lines += [f"{name:<{_WIDTH}}was there before, and is not of this export" for name in others]

@@ -43,7 +43,7 @@ def write_collision(surface: CollisionSurface, folder: Path) -> None:
 
     folder.mkdir(parents=True, exist_ok=True)
     mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
-    write_text(folder / MESH_OBJ, _obj(surface.vertices, surface.faces))
+    write_text(folder / MESH_OBJ, obj_text(surface.vertices, surface.faces))
     y_up = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]])
     for name, one in ((MESH_STL, mesh), (MESH_GLB, mesh.copy().apply_transform(y_up))):
         written = one.export(file_type=Path(name).suffix[1:])
@@ -55,7 +55,7 @@ def write_collision(surface: CollisionSurface, folder: Path) -> None:
     hulls.mkdir()
     names = [f"piece_{index:04d}" for index in range(len(surface.pieces))]
     for name, (vertices, faces) in zip(names, surface.pieces, strict=True):
-        write_text(hulls / f"{name}.obj", _obj(vertices, faces))
+        write_text(hulls / f"{name}.obj", obj_text(vertices, faces))
     floor = FloorBox.of(surface.floor) if len(surface.floor) else None
     write_text(folder / SCENE_XML, _mjcf(names, floor))
     write_text(folder / SCENE_URDF, _urdf(names, floor))
@@ -80,7 +80,8 @@ def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return vertices, faces
 
 
-def _obj(vertices: np.ndarray, faces: np.ndarray) -> str:
+def obj_text(vertices: np.ndarray, faces: np.ndarray) -> str:
+    """A mesh of ``vertices`` (V, 3) and ``faces`` (F, 3) int as OBJ."""
     lines = [f"v {x:.7g} {y:.7g} {z:.7g}" for x, y, z in vertices.tolist()]
     lines += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
     return "\n".join(lines) + "\n"

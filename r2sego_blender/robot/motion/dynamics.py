@@ -99,7 +99,7 @@ def _carried(
     for leg, share, foot in zip(robot.legs, load, feet, strict=True):
         cos, sin = np.cos(foot[3]), np.sin(foot[3])
         turn = np.array([[cos, -sin], [sin, cos]])
-        on_sole = np.clip(turn.T @ shift, leg.sole_low_m, leg.sole_high_m)
+        on_sole = np.minimum(np.maximum(turn.T @ shift, leg.sole_low_m), leg.sole_high_m)
         point = np.array([*(foot[:2] + turn @ on_sole), floor_z_m + foot[2]])
         mujoco.mj_jac(model, data, jacobian, None, point, leg.foot)
         torque -= share * (jacobian.T @ force)

@@ -23,6 +23,8 @@ from .values import WORLD_FROM_Y_UP, in_world, linear_scales, log_scales, logits
 if TYPE_CHECKING:
     from pxr import Usd
 
+_DEGREES = (0, 3)
+"""Those that importers take: with others Isaac Sim's never ends."""
 _EXTENT_SIGMAS = 3.0
 """As far as the schema says a Gaussian reaches."""
 _PACKAGED = "splats.usdc"
@@ -35,11 +37,13 @@ _SEARCH_PATH, _THREADS = "PXR_AR_DEFAULT_SEARCH_PATH", "PXR_WORK_THREAD_LIMIT"
 def save_usd(path: Path, asset: SplatAsset) -> None:
     """Write ``asset`` as the default prim of a stage with Z up, in metres.
 
-    ``.usdc`` and ``.usd`` are binary, ``.usda`` is text, ``.usdz`` a package of one ``.usdc``.
+    ``.usdc`` and ``.usd`` are binary, ``.usda`` is text, ``.usdz`` a package of one ``.usdc``. Harmonics of degree 1
+    or 2 are written as degree 3, with zeros, for other programs' sake.
     """
     from pxr import Tf, Usd, UsdGeom, UsdVol, Vt
 
     asset = asset.finite()
+    asset = asset.with_degree(next(degree for degree in _DEGREES if degree >= asset.degree))
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     UsdGeom.SetStageMetersPerUnit(stage, UsdGeom.LinearUnits.meters)
