@@ -16,8 +16,11 @@ PLACES = ("r2sego_blender", "operators", "panels", "batch", "tools", "demo", "do
 SOURCES = [file for place in PLACES for file in sorted((ROOT / place).rglob("*.py"))]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 NAMES = frozenset(file.relative_to(ROOT).as_posix() for file in SOURCES)
-OTHERS = frozenset({"colmap2nerf.py", "inference.py", "notebook/inference.py", "render.py", "struct.py"})
-"""Files of other programs."""
+OTHERS = frozenset(
+    {"colmap2nerf.py", "inference.py", "notebook/inference.py", "render.py", "struct.py"}
+    | {"batch_gs_renderer.py", "math_utils.py", "scene_ingest.py", "room.py"}
+)
+"""Files of other programs, and the one that an export writes for them."""
 
 FILE = re.compile(r"`(?:python3? )?([\w/]+\.py)(?![\w/])")
 FOLDER = re.compile(rf"`((?:{'|'.join(PLACES)}|bridge)(?:/\w+)*)/`")

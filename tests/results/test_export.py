@@ -330,3 +330,32 @@ def test_a_scene_is_not_exported_into_itself(scene, inside):
     with refused(SceneError, scene.path / inside, "into itself"):
         export_scene(scene, scene.path / inside)
     assert content_digest(scene.path) == before
+
+
+def test_folders_for_other_peoples_training_code_are_part_of_an_export(scene, tmp_path):
+    _add_collision_surface(scene)
+    written = export_scene(scene, tmp_path / "out", consumers=["mjlab", "mujoco-warp", "mjlab"])
+    assert [path.name for path in written] == [*PLAIN, "mjlab", "mujoco-warp", ABOUT]
+    spec = mujoco.MjSpec.from_file(str(tmp_path / "out" / "mjlab" / "scene.xml"))
+    assert {geom.name for geom in spec.geoms} == {"floor", "piece_0000"}
+    told = (tmp_path / "out" / ABOUT).read_text()
+    assert all(name in told for name in ("mjlab", "mujoco-warp"))
+    heard = ProgressRecorder()
+    export_scene(scene, tmp_path / "out", progress=heard, consumers=["mjlab"])
+    assert [text for text in heard.warnings if "mujoco-warp" in text and "mjlab" not in text]
+
+
+def test_a_consumers_folder_that_no_export_made_is_left_alone(scene, tmp_path):
+    _add_collision_surface(scene)
+    kept = tmp_path / "out" / "newton" / "mine.txt"
+    kept.parent.mkdir(parents=True)
+    kept.write_text("mine")
+    with refused(SceneError, tmp_path / "out" / "newton", "no export made it"):
+        export_scene(scene, tmp_path / "out", consumers=["newton"])
+    assert kept.read_text() == "mine"
+
+
+def test_what_is_no_consumer_is_refused_by_name(scene, tmp_path):
+    with refused(AssetError, "--for", "'isaac'", cure="playground"):
+        export_scene(scene, tmp_path / "out", consumers=["isaac"])
+    assert not (tmp_path / "out").exists()

@@ -91,8 +91,9 @@ class _Writer:
             raise MachineError("LeRobot datasets need PyAV and Arrow", cure="Run `make install POLICY=1`.") from error
         self._av, self._arrow, self._parquet = av, pyarrow, pyarrow.parquet
         self._root, self._fps = root, fps
-        self._file, self._data, self._video = -1, None, None
-        self._in_file = self._frames = 0
+        self._file, self._in_file, self._frames = -1, 0, 0
+        self._data: Any = None
+        self._video: Any = None
         self.episodes: list[dict[str, Any]] = []
         self._tasks: dict[str, int] = {}
         self._stats: list[dict[str, dict[str, np.ndarray]]] = []
@@ -174,7 +175,7 @@ class _Writer:
         """The tasks with their words as pandas' index, by which LeRobot finds them."""
         index = "__index_level_0__"
         table = self._arrow.table({"task_index": list(self._tasks.values()), index: list(self._tasks)})
-        columns = [
+        columns: list[dict[str, Any]] = [
             {"name": "task_index", "field_name": "task_index", "pandas_type": "int64", "numpy_type": "int64"},
             {"name": None, "field_name": index, "pandas_type": "unicode", "numpy_type": "object"},
         ]
@@ -224,7 +225,6 @@ class _Writer:
         self._stream: av.VideoStream = stream
 
     def _encode(self, images: np.ndarray) -> None:
-        assert self._video is not None
         for index, image in enumerate(images):
             frame = self._av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format="rgb24")
             frame.pts, frame.time_base = self._in_file + index, Fraction(1, self._fps)

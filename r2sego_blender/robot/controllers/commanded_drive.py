@@ -98,9 +98,9 @@ class CommandedDrive:
         self._assist_sum_n, self._assist_count = 0.0, 0
         qpos = self._configuration()
         # The controls go from the first frame to the second, whose velocity takes the third.
-        self._qpos = [qpos, qpos.copy(), qpos.copy()]
-        self._qvel, self._qacc = np.zeros(self._robot.model.nv), np.zeros(self._robot.model.nv)
-        self._stances = [(self._gait.feet.copy(), self._gait.load, 1.0)] * 2
+        self._qpos = [qpos] * 4
+        self._qvel = [np.zeros(self._robot.model.nv)] * 3
+        self._stances = [(self._gait.feet.copy(), self._gait.load, 1.0)] * 3
         self._ends = [self._control()] * 2
         self._interpolate()
         return qpos.copy()
@@ -206,12 +206,11 @@ class CommandedDrive:
     def _push(self, qpos: np.ndarray) -> None:
         """Go on by a frame: ``qpos`` (nq,) is the newest, and gives the one before it its velocity."""
         on_feet = 1.0 if self._sitting is None else self._sitting.on_feet
-        self._qpos = [self._qpos[1], self._qpos[2], qpos]
-        self._stances = [self._stances[1], (self._gait.feet.copy(), self._gait.load, on_feet)]
+        self._qpos = [*self._qpos[1:], qpos]
+        self._stances = [*self._stances[1:], (self._gait.feet.copy(), self._gait.load, on_feet)]
         velocity = np.empty(self._robot.model.nv)
-        mujoco.mj_differentiatePos(self._robot.model, velocity, 2.0 * _DT, self._qpos[0], self._qpos[2])
-        self._qacc += _SMOOTHING * ((velocity - self._qvel) / _DT - self._qacc)
-        self._qvel = velocity
+        mujoco.mj_differentiatePos(self._robot.model, velocity, 2.0 * _DT, self._qpos[1], self._qpos[3])
+        self._qvel = [*self._qvel[1:], velocity]
         self._ends = [self._ends[1], self._control()]
         self._interpolate()
 
@@ -226,7 +225,9 @@ class CommandedDrive:
     def _control(self) -> np.ndarray:
         """(nu,) what the actuators are told in the frame before the newest; see ``tracking``."""
         composition, qpos, vectors = self._composition, self._qpos[1], np.empty((2, self._robot.model.nv))
-        vectors[0], vectors[1] = self._qvel, self._dynamics.torque(qpos, self._qvel, self._qacc, *self._stances[0])
+        acceleration = (self._qvel[2] - self._qvel[0]) / (2.0 * _DT)
+        vectors[0] = self._qvel[1]
+        vectors[1] = self._dynamics.torque(qpos, self._qvel[1], acceleration, *self._stances[0])
         # Linear velocity and force of a free joint are the world's, the wrench's along the reference's axes.
         yaw = 2.0 * math.atan2(qpos[6], qpos[3])
         cos, sin = math.cos(yaw), math.sin(yaw)

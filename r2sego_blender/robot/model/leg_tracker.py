@@ -6,14 +6,18 @@ import mujoco
 import numpy as np
 
 from .kinematics import LegChain, Legged
+from .structure import posed
 
-_ITERATIONS = 12
+_ITERATIONS = 40
 # What is left after a step is about its square.
 _STILL_RAD = 1e-2
+# Steps towards a place out of reach are small long before they end.
+_STUCK_RAD = 1e-4
 _LONGEST_STEP_RAD = 0.5
-# A foot that misses its place by more is looked for once more, from the rest posture.
-_ASTRAY_M = 4e-3
-_DAMPING, _ERROR_DAMPING = 1e-8, 0.02
+# A foot that misses its place by more is looked for once more, from a posture bent
+# by this share of the height.
+_ASTRAY_M, _CROUCH = 4e-3, 0.25
+_DAMPING, _ERROR_DAMPING, _SHORTER = 1e-8, 0.02, 30.0
 # The entries of a matrix, row by row, whose differences are the axis of a small turn.
 _BELOW, _ABOVE = [7, 2, 3], [5, 6, 1]
 
@@ -28,7 +32,7 @@ class LegTracker:
     def __init__(self, robot: Legged) -> None:
         model, legs = robot.model, robot.legs
         self._model, self._data, self._rest_qpos = model, mujoco.MjData(model), robot.rest_qpos
-        joints = max((len(leg.joints) for leg in legs), default=0)
+        joints = max((len(leg.joints) for leg in legs), default=1)
         shape = len(legs), joints
         # Legs with fewer joints than others have some that count for nothing.
         self._address, dof = np.zeros(shape, int), np.zeros(shape, int)
@@ -51,7 +55,18 @@ class LegTracker:
         rows = np.arange(len(legs) * 6).reshape(-1, 6, 1) * model.nv
         self._entries = rows + dof[:, None]  # of the legs' own joints, in all Jacobians one after the other
         self._unit = np.eye(joints)
+        self._bent = self._rest_qpos[self._address]
         self.restart()
+        self._bent = self._crouched(robot)
+
+    def _crouched(self, robot: Legged) -> np.ndarray:
+        """Angles (L, n) well bent, from which a leg is never stretched through."""
+        qpos = robot.rest_qpos.copy()
+        qpos[2] *= 1.0 - _CROUCH
+        data = posed(robot.model, robot.rest_qpos)
+        soles = np.zeros((len(robot.legs), 4))
+        soles[:, :3] = np.array([leg.tip_place(data) for leg in robot.legs]).reshape(-1, 3)
+        return self._search(qpos, soles, self._angles)[0] if robot.legs else self._angles
 
     def restart(self) -> None:
         """Start the next configuration from the robot's rest posture."""
@@ -69,9 +84,10 @@ class LegTracker:
         self._before = self._angles
         angles, off_m = self._search(qpos, soles, going_on)
         if off_m.max() > _ASTRAY_M:  # a knee that was stretched may have come out on the wrong side
+            off_m = self._missed_m(qpos, soles, angles)
             astray = (off_m > _ASTRAY_M)[:, None]
-            again, off_again_m = self._search(qpos, soles, np.where(astray, self._rest_qpos[self._address], angles))
-            better = astray & (off_again_m < off_m)[:, None]
+            again, _ = self._search(qpos, soles, np.where(astray, self._bent, angles))
+            better = astray & (self._missed_m(qpos, soles, again) < off_m)[:, None]
             angles = np.where(better, again, angles)
             self._before = np.where(astray, angles, self._before)
         self._angles = angles
@@ -79,7 +95,11 @@ class LegTracker:
 
     def missed_m(self, qpos: np.ndarray, soles: np.ndarray) -> np.ndarray:
         """(L,) float64 by how many metres the tips of ``qpos`` (nq,) miss ``soles`` (L, 4)."""
+        return self._missed_m(qpos, soles, qpos[self._address])
+
+    def _missed_m(self, qpos: np.ndarray, soles: np.ndarray, angles: np.ndarray) -> np.ndarray:
         self._data.qpos[:] = qpos
+        self._data.qpos[self._address_own] = angles[self._own]
         mujoco.mj_kinematics(self._model, self._data)
         return np.linalg.norm(soles[:, :3] - self._feet_now()[0], axis=1)
 
@@ -91,25 +111,33 @@ class LegTracker:
         level[:, 0] = cos[:, None] * self._from_foot[:, 0] - sin[:, None] * self._from_foot[:, 1]
         level[:, 1] = sin[:, None] * self._from_foot[:, 0] + cos[:, None] * self._from_foot[:, 1]
         data.qpos[:] = qpos
-        off_m = np.zeros(len(soles))
+        best, least, boost = angles, np.full(len(soles), np.inf), np.ones(len(soles))
         for _ in range(_ITERATIONS):
             data.qpos[self._address_own] = angles[self._own]
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
-            step, off_m = self._step(angles, soles, level)
-            before = angles
+            step, off_m, squared = self._step(angles, soles, level, boost)
+            worse = squared > least
+            if worse.any():  # once more from before, with a shorter step
+                boost = np.where(worse, _SHORTER * boost, boost)
+                angles = np.where(worse[:, None], best, angles)
+                step[worse] = 0.0
+            best, least = angles, np.minimum(squared, least)
             angles = np.minimum(np.maximum(angles + step, self._low), self._high)
-            if np.abs(angles - before).max() < _STILL_RAD:
-                break
-        return angles, off_m
+            moved = np.abs(step).max(axis=1)
+            if not worse.any() and (moved < np.where(off_m < _ASTRAY_M, _STILL_RAD, _STUCK_RAD)).all():
+                return angles, off_m
+        return best, off_m
 
     def _feet_now(self) -> tuple[np.ndarray, np.ndarray]:
         """Tips (L, 3) and axes (L, 3, 3) of the feet in the world."""
         turns = self._data.xmat[self._feet].reshape(-1, 3, 3)
         return self._data.xpos[self._feet] + (turns @ self._tips)[:, :, 0], turns
 
-    def _step(self, angles: np.ndarray, soles: np.ndarray, level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(L, n) one bounded Gauss-Newton step, and how far off (L,) the tips are.
+    def _step(
+        self, angles: np.ndarray, soles: np.ndarray, level: np.ndarray, boost: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(L, n) one bounded Gauss-Newton step, how far off (L,) the tips are, and the squared error (L,).
 
         Joints that press against a limit rest.
         """
@@ -126,10 +154,11 @@ class LegTracker:
         if pressed.any():
             own = np.where(pressed[:, None], 0.0, own)
             downhill = np.where(pressed, 0.0, downhill)
-        damping = _DAMPING + _ERROR_DAMPING * (error * error).sum(axis=1)
+        squared = (error * error).sum(axis=1)
+        damping = boost * (_DAMPING + _ERROR_DAMPING * squared)
         normal = own.transpose(0, 2, 1) @ own + damping[:, None, None] * self._unit
         step = np.linalg.solve(normal, downhill[:, :, None])[:, :, 0]
         longest = np.abs(step).max(axis=1, keepdims=True)
         if longest.max() > _LONGEST_STEP_RAD:
             step = step * np.minimum(1.0, _LONGEST_STEP_RAD / np.maximum(longest, _LONGEST_STEP_RAD))
-        return step, np.sqrt((error[:, :3] ** 2).sum(axis=1))
+        return step, np.sqrt((error[:, :3] ** 2).sum(axis=1)), squared

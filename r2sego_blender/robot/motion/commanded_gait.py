@@ -40,9 +40,10 @@ class CommandedGait:
         self._offsets = robot.foot_offsets_m
         self._groups = np.array([leg.group for leg in robot.legs], int)
         if robot.legs:
-            foot_m_s = math.hypot(fastest[0], fastest[1]) + fastest[2] * np.linalg.norm(self._offsets, axis=1).max()
-            self._step_s = step_seconds(foot_m_s, robot.leg_m)
-            self._clearance_m = step_clearance_m(robot.leg_m)
+            self._leg_m = robot.leg_m
+            self._radius_m = float(np.linalg.norm(self._offsets, axis=1).max())
+            self._step_s = step_seconds(math.hypot(fastest[0], fastest[1]) + fastest[2] * self._radius_m, self._leg_m)
+            self._clearance_m = step_clearance_m(self._leg_m)
             self._aside = self._offsets[:, 1] / np.abs(self._offsets[:, 1]).max()
             self._support_s = DOUBLE_SUPPORT * self._step_s
             self._swayed: deque[float] = deque(maxlen=max(1, round(self._support_s * RATE_HZ)))
@@ -92,8 +93,15 @@ class CommandedGait:
         # A step of the even group is the even one of ``gait``; here it begins as its weight shifts.
         group = self._last if self._swinging < 0 else self._swinging
         steps = group + (self._at_s - 0.5 * self._support_s) / self._step_s
-        self.bob_m = -BOB_M * math.cos(math.tau * steps) * self._effort
+        self.bob_m = -BOB_M * math.cos(math.tau * steps) * self._effort - self._lowered_m(base)
         self.swing = -math.cos(math.pi * steps) * self._effort
+
+    def _lowered_m(self, base: CommandedBase) -> float:
+        """How far the base goes down for legs at the ends of their stances to be no longer than at rest."""
+        vx, vy, rate = base.velocity
+        foot_m_s = math.hypot(vx, vy) + abs(rate) * self._radius_m
+        stray_m = 0.5 * (self._step_s + self._support_s) * foot_m_s
+        return stray_m**2 / (2.0 * self._leg_m)
 
     def _begin(self, base: CommandedBase, wanted: Sequence[float]) -> None:
         """Begin the next group's step where it, or else the other's, has somewhere to go."""

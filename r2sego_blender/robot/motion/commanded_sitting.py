@@ -26,7 +26,7 @@ _UNLOADING_PER_S = 2.5
 # Held by something, the reference goes no farther from the real base than this, m.
 _STRAYS_M = 0.02
 # The reference presses this far into the seat.
-_PRESS_M = 0.006
+_PRESS_M = 0.003
 # A foot that misses its place by more is out of reach.
 _REACH_M = 0.005
 _STEP_M = 0.01
@@ -129,9 +129,14 @@ class CommandedSitting:
         back_m, lowest_m = float(self._backs_m[-1]), self._lowest_m
         bears = min(max((carried - _TOUCHED_LOAD) / (0.3 - _TOUCHED_LOAD), 0.0), 1.0)
         if self.phase is Phase.LOWERING:
-            held = touched > _TOUCHED_LOAD or self._back.value > real_back_m + _STRAYS_M
+            blocked = self._back.value > real_back_m + _STRAYS_M
+            held = blocked or touched > _TOUCHED_LOAD
             goes_down = held or self._back.value > _FAR_BACK * back_m
-            self._back.advance(min(self._back.value, real_back_m + _STRAYS_M) if held else back_m)
+            if blocked:  # what stops the robot stops the reference as hard
+                self._back.rate = min(self._back.rate, 0.0)
+            self._back.advance(min(self._back.value, real_back_m + 0.5 * _STRAYS_M) if held else back_m)
+            if held and self._down.value > real_down_m + _STRAYS_M:
+                self._down.rate = min(self._down.rate, 0.0)
             deepest_m = min(lowest_m, real_down_m + _STRAYS_M) if held else lowest_m
             self._down.advance(deepest_m if goes_down else self._needed())
             lean, reach = _LEAN_RAD, REACH_RAD

@@ -24,7 +24,7 @@ SIT, STAND = DriveCommand(sit=True), DriveCommand()
 G1 = "g1/unitree_mujoco_g1/g1_29dof.xml"
 G1_MOUNT = ["torso_link", [0.0576235, 0.01753, 0.42987], [0.0, 0.8307767, 0.0], {"hfov_deg": 69.0}]
 # No foot of the planner's rollouts in rooms slides farther.
-SLIDE_M = 0.015
+SLIDE_M = 0.01
 
 
 class Run:
@@ -147,7 +147,7 @@ def test_it_sits_on_what_carries_it_and_walks_away(humanoid, tmp_path, height_m)
     assert run.drive.seated_s > 3.0
     assert run.meter.seated_s == pytest.approx(run.drive.seated_s, abs=0.5)
     assert run.drive.mean_assist_n == pytest.approx(np.mean(run.meter._assist_n), rel=0.05)
-    assert run.drive.mean_assist_n < 30.0
+    assert run.drive.mean_assist_n < 20.0
     wrench_n = run.data.actuator_force[2]
     assert -0.1 * 9.81 * run.composition.robot_mass_kg < wrench_n < 0.0  # it presses, it does not carry
     run.go(STAND, 4.0)
@@ -155,7 +155,7 @@ def test_it_sits_on_what_carries_it_and_walks_away(humanoid, tmp_path, height_m)
     assert run.base[-1][2] > 0.7
     run.go(DriveCommand(vx_m_s=0.5), 3.0)
     assert run.velocity(1.0)[0] == pytest.approx(0.5, rel=0.1)
-    assert run.most_tilted_deg < 10.0
+    assert run.most_tilted_deg < 15.0
 
 
 def test_sitting_down_too_early_misses_the_seat(humanoid, tmp_path):
