@@ -10,7 +10,7 @@ from .structure import posed
 
 _ITERATIONS = 40
 # What is left after a step is about its square.
-_STILL_RAD = 1e-2
+_STILL_RAD = 2e-2
 # Steps towards a place out of reach are small long before they end.
 _STUCK_RAD = 1e-4
 _LONGEST_STEP_RAD = 0.5
