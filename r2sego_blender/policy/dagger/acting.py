@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import torch
@@ -64,7 +64,7 @@ def labelled_episode(
     return Episode(pictures, proprio, actions, seat, outcome_of(state, seed, len(steps)))
 
 
-def outcomes(environment: Environment, student: Student, seeds: Iterator[int] | range) -> Iterator[Outcome]:
+def outcomes(environment: Environment, student: Student, seeds: Iterable[int]) -> Iterator[Outcome]:
     """The outcomes of episodes ``seeds`` that the student drives."""
     for seed in seeds:
         actor = Actor(student)
@@ -77,7 +77,7 @@ def outcomes(environment: Environment, student: Student, seeds: Iterator[int] | 
 
 
 def taught_outcomes(
-    environment: Environment, teacher: Teacher, limits: DriveLimits, seeds: Iterator[int] | range
+    environment: Environment, teacher: Teacher, limits: DriveLimits, seeds: Iterable[int]
 ) -> Iterator[Outcome]:
     """The outcomes of episodes ``seeds`` that the teacher drives."""
     for seed in seeds:

@@ -22,11 +22,24 @@ _MOST_GRADIENT = 1.0
 
 @dataclass(frozen=True)
 class Losses:
-    """Means over the frames of one update."""
+    """Means over the frames of an update, or of several."""
 
     commands: float
     sit: float
     seat: float
+
+    @staticmethod
+    def none() -> Losses:
+        """The mean of no updates."""
+        return Losses(0.0, 0.0, 0.0)
+
+    def with_one(self, other: Losses, count: int) -> Losses:
+        """The mean of ``count`` updates, of which ``self`` is that of the first ones and ``other`` the last."""
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return Losses(*(mean + (value - mean) / count for mean, value in pairs))
+
+    def __str__(self) -> str:
+        return f"commands {self.commands:.4f}, sit {self.sit:.4f}, seat {self.seat:.4f}"
 
 
 def scale_proprio(student: Student, episodes: Sequence[Episode]) -> None:

@@ -20,7 +20,7 @@ from .checkpoints import Place, load_checkpoint, save_checkpoint
 from .episodes import EpisodeStore
 from .evaluation import Evaluation
 from .interfaces import Environment, Teacher
-from .learning import learn, scale_proprio
+from .learning import Losses, learn, scale_proprio
 from .settings import DaggerSettings
 
 CHECKPOINT = "checkpoint.npz"
@@ -126,16 +126,15 @@ class _Run:
         settings, count = self.settings, self.count(iteration)
         first = self.place.epochs if self.place.iteration == iteration else 0
         passes = settings.epochs_of(iteration)
-        losses = None
         with progress.task(f"Learning {iteration}/{settings.iterations}", (passes - first) * count) as task:
             for epoch in range(first, passes):
-                updates, before = self.place.updates, 0
+                updates, before, means = self.place.updates, 0, Losses.none()
                 for done, losses in learn(self.student, self.optimizer, self.store, count, settings, iteration, epoch):
                     task.advance(done - before)
                     updates, before = updates + 1, done
-                    for name, value in vars(losses).items():
-                        log.add_scalar(f"loss/{name}", value, updates)
+                    means = means.with_one(losses, updates - self.place.updates)
+                for name, value in vars(means).items():
+                    log.add_scalar(f"loss/{name}", value, updates)
                 self.place = Place(iteration, epoch + 1, updates)
                 save_checkpoint(self.folder / CHECKPOINT, self.student, self.optimizer, self.place, settings)
-        if losses is not None:
-            progress.message(f"commands {losses.commands:.4f}, sit {losses.sit:.4f}, seat {losses.seat:.4f}")
+                progress.message(f"pass {epoch + 1}/{passes} of iteration {iteration}: {means}")
