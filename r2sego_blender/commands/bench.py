@@ -169,4 +169,18 @@ def bench_rollouts(scopes: tuple[str, ...], file: Path | None, **given: Any) -> 
     _measure("rollouts", file, scopes=scopes or None, **given)
 
 
+@bench.command("policy")
+@click.option("--scene", type=FOLDER, help="A refined bundle; else a made-up room.")
+@_number("--gaussians", defaults.POLICY_GAUSSIANS, "Gaussians of the made-up room.")
+@_number("--steps", defaults.POLICY_STEPS, "Steps of an environment that are timed.")
+@_number("--processes", defaults.POLICY_PROCESSES, "Environments side by side, each in a process; 1: none.")
+@_figures_file
+def bench_policy(file: Path | None, **given: Any) -> None:
+    """Time the environments that policies are trained in, and head pictures of many simulations at once."""
+    from ..policy.packages import policy_package
+
+    policy_package("gymnasium")
+    _measure("policy", file, **given)
+
+
 COMMANDS = (bench,)

@@ -121,7 +121,7 @@ def _details(s: dict[str, Any]) -> list[str]:
 def _bundle(scene: Path | None, place: Path, robot: str | None, progress: Progress) -> Scene:
     """A bundle of the benchmark's own with a proxy and a collision surface in its round 0."""
     if scene is None:
-        made = _made_up_bundle(place)
+        made = made_up_bundle(place)
     elif (scene / "scene.toml").is_file():
         made = _copied(Scene.open(scene), place)
     else:
@@ -147,7 +147,7 @@ def _copied(scene: Scene, place: Path) -> Scene:
     return Scene(place, scene.declaration)
 
 
-def _made_up_bundle(place: Path) -> Scene:
+def made_up_bundle(place: Path) -> Scene:
     """The made-up room with captures from its middle; what they show does not matter."""
     lens = made_up_room(0, _SIZE).views[0].camera.scaled(0.1)
 

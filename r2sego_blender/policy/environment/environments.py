@@ -126,7 +126,7 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         self._start, self._drawn = start, drawn
         self._episode.start(start, drawn)
         self._steps, self._last_action = 0, np.zeros(ACTIONS, np.float32)
-        return self._observed(), self._info()
+        return self.observed(), self._info()
 
     def step(self, action: np.ndarray) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """A tenth of a second of an action (4,), see ``ACTIONS``."""
@@ -139,7 +139,7 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         truncated = not ended and self._steps >= self._max_steps
         if truncated:
             self._episode.time_out()
-        return self._observed(), float(success), ended, truncated, self._info()
+        return self.observed(), float(success), ended, truncated, self._info()
 
     def render(self) -> Any:
         """The picture of the last observation, its depth (H, W) float32 in metres, 0 for none, or both."""
@@ -168,7 +168,8 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         )
         return DriveCommand(vx, vy, rate, bool(self.sits and action[3] > 0.0))
 
-    def _observed(self) -> Observation:
+    def observed(self) -> Observation:
+        """What the robot sees and feels now; ``reset`` and ``step`` return it."""
         assert self._start is not None
         chair = self._start.chair
         others = [] if chair is None else [(self._drawn_chairs[chair.name], chair.world_from_chair)]

@@ -6,8 +6,10 @@ Called in the process of ``policy_worker`` alone.
 from __future__ import annotations
 
 import io
+import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -16,9 +18,19 @@ from .telemetry import onnxruntime_without_telemetry
 ONNX, TORCHSCRIPT = "onnx", "torchscript"
 
 Evaluate = Callable[[np.ndarray], np.ndarray]
-"""Raw actions (m,) float32 of an observation (n,) float32; a recurrent network remembers what it was given."""
+"""Raw actions (m,) float32 of an observation (n,) float32; a recurrent network remembers what it was given.
+
+One that sees takes the bytes (n,) uint8 of a picture and after them those of its float32 numbers.
+"""
+
+SEEING = {"rgb": "tensor(uint8)", "proprio": "tensor(float)", "state": "tensor(float)"}
+"""Inputs of a network that sees and remembers, in this order."""
+
+SEEING_OUTPUTS = ("action", "next_state")
+"""Its outputs."""
 
 _FLOAT = "tensor(float)"
+_MOST_STATE = 1 << 20
 
 
 class PolicyRefusedError(Exception):
@@ -29,12 +41,16 @@ class PolicyRefusedError(Exception):
         super().__init__(what)
 
 
-def opener(kind: str, observations: int, layout: str) -> Callable[[bytes], Evaluate]:
+def opener(
+    kind: str, observations: int, layout: str, picture: Sequence[int] | None = None
+) -> Callable[[bytes], Evaluate]:
     """What opens a file's content; it imports all that it needs first.
 
-    Opening raises PolicyRefusedError: no such network, more than one input, another size than the
-    ``observations`` of the file ``layout``.
+    ``picture``, rows, columns and channels, is what a network sees besides so many ``observations``. Opening
+    raises PolicyRefusedError: no such network, other inputs, another size than the file ``layout`` says.
     """
+    if picture is not None:
+        return _seeing_opener((1, *picture), observations)
     return _onnx_opener(observations, layout) if kind == ONNX else _torchscript_opener()
 
 
@@ -42,14 +58,7 @@ def _onnx_opener(observations: int, layout: str) -> Callable[[bytes], Evaluate]:
     onnxruntime = onnxruntime_without_telemetry()
 
     def opened(content: bytes) -> Evaluate:
-        options = onnxruntime.SessionOptions()
-        # One thread: rollouts run side by side, and sums keep their order.
-        options.intra_op_num_threads = options.inter_op_num_threads = 1
-        options.log_severity_level = 4
-        try:
-            session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-        except Exception as error:  # its exceptions share no base of their own
-            raise PolicyRefusedError(f"this is no ONNX network: {told_in_a_line(error)}") from error
+        session = _session(onnxruntime, content)
         inputs = session.get_inputs()
         if len(inputs) != 1 or inputs[0].type != _FLOAT:
             shown = ", ".join(f"{one.name} {one.type}" for one in inputs)[:200]
@@ -66,6 +75,58 @@ def _onnx_opener(observations: int, layout: str) -> Callable[[bytes], Evaluate]:
         def evaluate(observation: np.ndarray) -> np.ndarray:
             (actions,) = session.run([output], {name: observation[None]})
             return np.asarray(actions, np.float32).reshape(-1)
+
+        return evaluate
+
+    return opened
+
+
+def _session(onnxruntime: Any, content: bytes) -> Any:
+    options = onnxruntime.SessionOptions()
+    # One thread: rollouts run side by side, and sums keep their order.
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.log_severity_level = 4
+    try:
+        return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # its exceptions share no base of their own
+        raise PolicyRefusedError(f"this is no ONNX network: {told_in_a_line(error)}") from error
+
+
+def _seeing_opener(picture: tuple[int, ...], observations: int) -> Callable[[bytes], Evaluate]:
+    onnxruntime = onnxruntime_without_telemetry()
+    pixels = math.prod(picture)
+
+    def opened(content: bytes) -> Evaluate:
+        session = _session(onnxruntime, content)
+        inputs = {one.name: one for one in session.get_inputs()}
+        outputs = [one.name for one in session.get_outputs()]
+        if {name: one.type for name, one in inputs.items()} != SEEING or not set(SEEING_OUTPUTS) <= set(outputs):
+            shown = ", ".join(f"{one.name} {one.type}" for one in inputs.values())[:200]
+            raise PolicyRefusedError(
+                f"the network takes {shown} and gives {', '.join(outputs)[:200]}",
+                f"It has to take {', '.join(SEEING)} and give {', '.join(SEEING_OUTPUTS)}.",
+            )
+        size = inputs["state"].shape[-1]
+        if not isinstance(size, int) or not 0 < size <= _MOST_STATE:
+            raise PolicyRefusedError(f"the network's state has the size {size}", "Export it with a fixed size.")
+        wanted = {"rgb": picture, "proprio": (1, observations), "state": (1, size)}
+        for name, shape in wanted.items():
+            given = inputs[name].shape
+            if len(given) != len(shape) or any(
+                isinstance(a, int) and a != b for a, b in zip(given, shape, strict=True)
+            ):
+                raise PolicyRefusedError(f"the network's {name} is {given}, not {list(shape)}", "Export it so.")
+        state = np.zeros((1, size), np.float32)
+
+        def evaluate(observation: np.ndarray) -> np.ndarray:
+            nonlocal state
+            rgb, proprio = observation[:pixels].reshape(picture), observation[pixels:].view("<f4")[None]
+            given = {"rgb": rgb, "proprio": proprio, "state": state}
+            action, after = session.run(list(SEEING_OUTPUTS), given)
+            if after.shape != state.shape or not np.isfinite(after).all():
+                raise ValueError("its next state is not finite, or of another size")
+            state = after
+            return np.asarray(action, np.float32).reshape(-1)
 
         return evaluate
 

@@ -36,12 +36,13 @@ def serve(not_taken: tuple[str, ...]) -> None:
     with contextlib.suppress(EOFError, BrokenPipeError):
         told = json.loads(_line(source))
         kind, content = told["kind"], read(source, told["bytes"])
-        opened, networks = opener(kind, told["observations"], told["layout"]), dict[int, Evaluate]()
+        opened = opener(kind, told["observations"], told["layout"], told["picture"])
+        networks, numbers = dict[int, Evaluate](), "<f4" if told["picture"] is None else "u1"
         not_taken += bound_memory(max(_MORE_MEMORY, _TIMES_FILE * len(content)))
         _answer(to, DONE, json.dumps(not_taken).encode())
         while True:
             what, number, size = REQUEST.unpack(read(source, REQUEST.size))
-            observation = np.frombuffer(read(source, size), "<f4")
+            observation = np.frombuffer(read(source, size), numbers)
             try:
                 actions = b""
                 if what == OPEN:

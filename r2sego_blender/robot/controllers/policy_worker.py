@@ -56,8 +56,11 @@ class PolicyFailedError(Exception):
 class PolicyWorker:
     """The process of one policy. It ends with this process, with ``kill_children`` and with this object."""
 
-    def __init__(self, kind: str, content: bytes, observations: int, layout: str) -> None:
-        """A policy of so many ``observations``, as the file ``layout`` says. Raises PolicyFailedError."""
+    def __init__(
+        self, kind: str, content: bytes, observations: int, layout: str, picture: tuple[int, int, int] | None = None
+    ) -> None:
+        """A policy of so many ``observations``, as the file ``layout`` says, and of a ``picture`` where it sees:
+        rows, columns, channels. Raises PolicyFailedError."""
         self._numbers, self._closed = itertools.count(), list[int]()
         self._process = subprocess.Popen(
             [sys.executable, "-c", _SERVE],
@@ -74,7 +77,7 @@ class PolicyWorker:
         assert self._process.stdin is not None and self._process.stdout is not None
         self._to, self._from = self._process.stdin.fileno(), self._process.stdout.fileno()
         told = json.dumps(
-            {"kind": kind, "bytes": len(content), "observations": observations, "layout": layout}
+            {"kind": kind, "bytes": len(content), "observations": observations, "layout": layout, "picture": picture}
         ).encode()
         self.not_taken: tuple[str, ...] = tuple(json.loads(self._asked(told + b"\n" + content)))
         """What this system could not take away from the process (``workers.confinement``)."""
@@ -91,7 +94,8 @@ class PolicyWorker:
         self._asked(REQUEST.pack(OPEN, number, 0))
 
         def evaluate(observation: np.ndarray) -> np.ndarray:
-            told = observation.astype("<f4", copy=False).tobytes()
+            seen = observation.dtype == np.uint8
+            told = (observation if seen else observation.astype("<f4", copy=False)).tobytes()
             return np.frombuffer(self._asked(REQUEST.pack(STEP, number, len(told)) + told), "<f4")
 
         weakref.finalize(evaluate, self._closed.append, number)

@@ -16,6 +16,7 @@ from r2sego_blender.policy.student.network import Acting, Student
 from r2sego_blender.policy.student.onnx_export import INPUTS, OUTPUTS, export_onnx
 from r2sego_blender.policy.student.targets import PICTURE_SHAPE, seat_target
 from r2sego_blender.robot.behaviours.trajectory import Seat
+from r2sego_blender.robot.controllers.seeing_policy import SeeingPolicyFile
 
 PROPRIO = 70
 
@@ -72,12 +73,14 @@ def test_onnx_says_what_torch_says_over_a_sequence(student, tmp_path: Path):
     assert [(one.name, one.shape) for one in session.get_outputs()] == [(OUTPUTS[0], [1, 4]), (OUTPUTS[1], [1, size])]
     rgb, proprio = frames(30, seed=1)
     acting, state, their_state = Acting(student), student.start(), student.start().numpy()
+    act = SeeingPolicyFile(file, PICTURE_SHAPE, PROPRIO, 4).start()  # as a stranger's
     with torch.inference_mode():
         for step in range(30):
             given_ = {"rgb": rgb[:, step].numpy(), "proprio": proprio[:, step].numpy(), "state": their_state}
             action, state = acting(rgb[:, step], proprio[:, step], state)
             their_action, their_state = session.run(None, given_)
             np.testing.assert_allclose(their_action, action.numpy(), atol=1e-5, rtol=0.0)
+            np.testing.assert_allclose(act(rgb[0, step].numpy(), proprio[0, step].numpy()), their_action[0], atol=1e-6)
             np.testing.assert_allclose(their_state, state.numpy(), atol=1e-5, rtol=0.0)
     assert np.abs(their_action).max() <= 1.0
 

@@ -114,7 +114,7 @@ def test_a_bundle_that_was_not_refined_is_told(tmp_path):
 
 @pytest.mark.slow
 def test_a_bundle_is_rolled_out_and_left_as_it_is(tmp_path):
-    made = bench._made_up_bundle(tmp_path / "room.r2s")
+    made = bench.made_up_bundle(tmp_path / "room.r2s")
     made = made.declare(overrides={"rollouts.successes": 2})
     before = content_digest(made.path)
     figures = json.loads(

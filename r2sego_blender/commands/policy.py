@@ -1,0 +1,67 @@
+"""``r2sego policy``: a policy trained in a refined scene, evaluated, and written for other programs."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+
+from .options import ANY_PATH, FOLDER, Commands, Output, output_options, overrides_of
+
+
+def _task_options(command: Callable) -> Callable:
+    for option in (
+        click.option("--asset", default="", metavar="PLY", help="Splats in place of the scene's own."),
+        click.option("--chairs", default="", metavar="NAME,NAME", help="Separate chairs in place of the room's seats."),
+    ):
+        command = option(command)
+    return command
+
+
+@click.group(cls=Commands)
+def policy() -> None:
+    """Policies: a robot that learns to sit down from what its head sees in a refined scene."""
+
+
+@policy.command()
+@click.argument("scene", type=ANY_PATH)
+@click.option("--to", "folder", required=True, type=FOLDER, help="Folder of the training, made if missing.")
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="One setting, as in docs/policy.md.")
+@_task_options
+@output_options("--json-progress")
+def train(scene: Path, folder: Path, overrides: tuple[str, ...], asset: str, chairs: str, output: Output) -> None:
+    """Train a student in SCENE by DAgger, or go on with the training in the folder.
+
+    A teacher that knows the true state labels what the student sees and does. The folder holds checkpoint,
+    episodes, logs for TensorBoard, and in the end student.onnx.
+    """
+    from ..policy.training import Task, settings_of, train_policy
+
+    task = Task(scene, asset, _names(chairs))
+    file = train_policy(task, folder, settings_of(overrides_of(overrides)), output.progress)
+    output.show({"student": str(file)}, lambda told: [told["student"]])
+
+
+@policy.command()
+@click.argument("scene", type=ANY_PATH)
+@click.option("--policy", "which", required=True, metavar="FOLDER|teacher", help="A training's folder, or the teacher.")
+@click.option("--episodes", type=click.IntRange(1, 100_000), default=100, show_default=True)
+@click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=0, show_default=True, help="Of the episodes.")
+@_task_options
+@output_options("--json", "--json-progress")
+def evaluate(scene: Path, which: str, episodes: int, seed: int, asset: str, chairs: str, output: Output) -> None:
+    """How often a policy sits down in SCENE, why it failed, and how much the helping force helped."""
+    from ..policy.training import Task, evaluate_policy, lines
+
+    task = Task(scene, asset, _names(chairs))
+    found = evaluate_policy(task, which, episodes, seed, output.progress)
+    output.show(dataclasses.asdict(found), lambda _: [*lines(task, which, found)])
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+COMMANDS = (policy,)

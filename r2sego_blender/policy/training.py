@@ -1,0 +1,113 @@
+"""A policy of a scene: trained, evaluated and exported, as the commands do it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..config.declared_files import Reader, did_you_mean
+from ..config.fields import fields_of
+from ..core.errors import SettingsError
+from ..core.progress import SILENT, Progress
+from .dagger.settings import DaggerSettings
+from .packages import policy_package
+
+if TYPE_CHECKING:
+    from .dagger.evaluation import Evaluation
+    from .environment.environments import SitEnv
+
+TEACHER = "teacher"
+"""In place of a training's folder: the privileged teacher."""
+STUDENT_ONNX = "student.onnx"
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is trained and evaluated in: a scene's room, seen through ``asset``, its own if that is ''.
+
+    Without ``chairs``, names of ``environment.chairs.CHAIRS``, the robot sits down on the room's own seats.
+    """
+
+    scene: Path
+    asset: str = ""
+    chairs: tuple[str, ...] = ()
+
+    def environment(self) -> SitEnv:
+        """The environment. Raises MachineError without the extra ``policy``, and what ``SitEnv`` raises."""
+        policy_package("gymnasium")
+        from .environment.environments import SitEnv
+
+        return SitEnv(self.scene, asset=self.asset, chairs=self.chairs)
+
+
+def settings_of(overrides: Mapping[str, str]) -> DaggerSettings:
+    """Settings with the texts of a command line. Raises SettingsError naming the key, or the allowed range."""
+    known = fields_of(DaggerSettings)
+    reader = Reader(Path("settings"), "setting", SettingsError)
+    changed: dict[str, Any] = {}
+    for key, text in overrides.items():
+        if key not in known:
+            cure = did_you_mean(key, known, f"Known: {', '.join(known)}.")
+            raise SettingsError(f"there is no setting '{key}'", where="--set", cure=cure)
+        try:
+            value: Any = known[key].kind(text)
+        except ValueError:
+            value = text
+        changed[key] = reader.value(known[key], value)
+    return DaggerSettings(**changed)
+
+
+def train_policy(task: Task, folder: Path, settings: DaggerSettings, progress: Progress = SILENT) -> Path:
+    """Train a student in ``folder``, or go on with the training there; its ONNX file.
+
+    Raises as ``dagger.loop.train_student``.
+    """
+    env = task.environment()
+    from .dagger.bundle_episodes import BundleEpisodes
+    from .dagger.loop import train_student
+    from .student.onnx_export import export_onnx
+
+    episodes = BundleEpisodes(env)
+    student = train_student(episodes, episodes, settings, folder, env.limits, progress)
+    export_onnx(student, folder / STUDENT_ONNX)
+    return folder / STUDENT_ONNX
+
+
+def evaluate_policy(
+    task: Task, policy: str | Path, episodes: int, seed: int, progress: Progress = SILENT
+) -> Evaluation:
+    """How often a training's student, or the teacher, sits down in so many episodes of its own.
+
+    Episodes are drawn by ``seed`` and differ from those of trainings. Raises MachineError where the folder
+    ``policy`` has no checkpoint that can be read.
+    """
+    env = task.environment()
+    from .dagger.acting import outcomes, taught_outcomes
+    from .dagger.bundle_episodes import BundleEpisodes
+    from .dagger.checkpoints import load_student
+    from .dagger.evaluation import Evaluation
+    from .dagger.loop import CHECKPOINT
+
+    room = BundleEpisodes(env)
+    seeds = progress.track(evaluation_seeds(seed, episodes), "Episodes", episodes)
+    if policy == TEACHER:
+        return Evaluation.of(taught_outcomes(room, room, env.limits, iter(seeds)))
+    return Evaluation.of(outcomes(room, load_student(Path(policy) / CHECKPOINT), iter(seeds)))
+
+
+def evaluation_seeds(seed: int, count: int) -> Sequence[int]:
+    """Seeds of episodes that no training has."""
+    return [int(np.random.SeedSequence([seed, number, 1]).generate_state(1)[0]) for number in range(count)]
+
+
+def lines(task: Task, policy: str | Path, found: Evaluation) -> Iterator[str]:
+    """An evaluation for a person."""
+    what = "the teacher, which knows the true state" if policy == TEACHER else f"the student of {policy}"
+    on = f"on a {', a '.join(task.chairs)}" if task.chairs else "on the room's own seats"
+    yield f"{what}, in {task.scene.name}{f' seen through {task.asset}' if task.asset else ''}, {on}:"
+    yield str(found)
+    yield "driven by the embedded assisted controller: the helping force on the base is the mean assist"
