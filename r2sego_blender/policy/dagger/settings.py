@@ -25,9 +25,9 @@ class DaggerSettings:
     window_steps: int = setting(16, "Steps of truncated backpropagation through time.", 1, 1024)
     learning_rate: float = setting(1e-3, "Of Adam.", 1e-6, 1.0)
     sit_weight: float = setting(0.3, "Of the loss of sitting, a logit; that of the commands is 1.", 0.0, 100.0)
-    seat_weight: float = setting(0.1, "Of the loss of the seat's pose.", 0.0, 100.0)
-    shift_px: int = setting(3, "Pictures are shifted by up to so much, an episode alike.", 0, 32)
-    brightness: float = setting(0.2, "Pictures are made brighter or darker by up to this share.", 0.0, 0.9)
+    seat_weight: float = setting(0.5, "Of the loss of the seat's pose.", 0.0, 100.0)
+    shift_px: int = setting(6, "Pictures are shifted by up to so much, an episode alike.", 0, 32)
+    brightness: float = setting(0.3, "Pictures are made brighter or darker by up to this share.", 0.0, 0.9)
     threads: int = setting(1, "Threads of torch; the same bits come of the same number.", 1, 1024)
 
     def beta(self, iteration: int) -> float:
