@@ -8,6 +8,7 @@ from enum import Enum, auto
 import numpy as np
 
 from ..behaviours.trajectory import RATE_HZ, REACH_RAD, STAND_OFF_M, STILL_S
+from ..model.contacts import SEATED_LOAD
 from ..model.leg_tracker import LegTracker
 from ..model.model import RobotModel
 
@@ -127,7 +128,7 @@ class CommandedSitting:
 
     def _move(self, touched: float, carried: float, real_back_m: float, real_down_m: float) -> None:
         back_m, lowest_m = float(self._backs_m[-1]), self._lowest_m
-        bears = min(max((carried - _TOUCHED_LOAD) / (0.3 - _TOUCHED_LOAD), 0.0), 1.0)
+        bears = min(max((carried - _TOUCHED_LOAD) / (SEATED_LOAD - _TOUCHED_LOAD), 0.0), 1.0)
         if self.phase is Phase.LOWERING:
             blocked = self._back.value > real_back_m + _STRAYS_M
             held = blocked or touched > _TOUCHED_LOAD
