@@ -8,11 +8,12 @@ import numpy as np
 import torch
 
 from ...robot.controllers.commanded_drive import DriveLimits
+from ..action_spaces.commands import action_of
 from ..environment.state import PrivilegedState
 from ..student.network import Acting, Student
 from ..student.targets import seat_target
 from .episodes import Episode, Outcome
-from .interfaces import Environment, Observation, Teacher, action_of
+from .interfaces import Environment, Observation, Teacher
 from .settings import DaggerSettings
 
 

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ...robot.controllers.commanded_drive import DriveCommand, DriveLimits
+from ...robot.controllers.commanded_drive import DriveCommand
 from ..environment.state import PrivilegedState
 
 Observation = Mapping[str, np.ndarray]
@@ -32,16 +32,3 @@ class Teacher(Protocol):
 
     def label(self, state: PrivilegedState, phase: Any = None) -> tuple[DriveCommand, Any]:
         """The command in ``state``, and what to give with the state that follows; None for the first."""
-
-
-def action_of(command: DriveCommand, limits: DriveLimits) -> np.ndarray:
-    """(4,) float32 in [-1, 1]: a command's velocities as shares of the limits on their sides, and sit as 1 or -1."""
-    shares = [
-        value / (high if value > 0.0 else -low)
-        for value, (low, high) in (
-            (command.vx_m_s, limits.vx_m_s),
-            (command.vy_m_s, limits.vy_m_s),
-            (command.yaw_rate_rad_s, limits.yaw_rate_rad_s),
-        )
-    ]
-    return np.array([*np.clip(shares, -1.0, 1.0), 1.0 if command.sit else -1.0], np.float32)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, cast
 
@@ -16,6 +17,7 @@ from ...results.simulated_camera import Sight
 from ...robot.controllers.commanded_drive import DriveCommand, DriveLimits
 from ...robot.planning.course import require_legs
 from ...robot.planning.free_floor import FreeFloor
+from ..action_spaces.commands import SIZE, command_of
 from .chairs import CHAIRS
 from .drawn_bodies import DrawnBody
 from .episode import STEP_S, Episode
@@ -26,9 +28,6 @@ from .state import PrivilegedState
 from .training_scene import TrainingScene
 
 Observation = dict[str, np.ndarray]
-
-ACTIONS = 4
-"""Velocity ahead, to the left, and of the heading, as shares of the drive's limits, and to sit where above 0."""
 
 _RENDER_MODES = ("rgb_array", "depth_array", "rgbd_tuple")
 _MOST = 1000.0  # of what is felt, whose spaces Gymnasium wants bounded; a robot that falls stays far below
@@ -89,12 +88,12 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         self._camera = HeadCamera(self.scene.asset, self.scene.robot)
         self._start: Start | None = None
         self._sight: Sight | None = None
-        self.action_space = spaces.Box(-1.0, 1.0, (ACTIONS,), np.float32)
+        self.action_space = spaces.Box(-1.0, 1.0, (SIZE,), np.float32)
         joints = len(self._episode.composition.qpos_address)
         observed = spaces.Dict(
             {
                 "head": spaces.Box(0, 255, (SIZE_PX[1], SIZE_PX[0], 3), np.uint8),
-                "proprio": spaces.Box(-_MOST, _MOST, (6 + 2 * joints + ACTIONS,), np.float32),
+                "proprio": spaces.Box(-_MOST, _MOST, (6 + 2 * joints + SIZE,), np.float32),
                 **self._more_spaces(),
             }
         )
@@ -125,11 +124,11 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
             start = start.at(*_start_of(options["start"]))
         self._start, self._drawn = start, drawn
         self._episode.start(start, drawn)
-        self._steps, self._last_action = 0, np.zeros(ACTIONS, np.float32)
+        self._steps, self._last_action = 0, np.zeros(SIZE, np.float32)
         return self.observed(), self._info()
 
     def step(self, action: np.ndarray) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """A tenth of a second of an action (4,), see ``ACTIONS``."""
+        """A tenth of a second of an action (4,), see ``action_spaces.commands``."""
         self._require_start()
         self._last_action = np.clip(np.asarray(action, np.float32), -1.0, 1.0)
         self._episode.step(self._command(self._last_action))
@@ -161,12 +160,8 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
             raise gymnasium.error.ResetNeeded("Call reset before step.")
 
     def _command(self, action: np.ndarray) -> DriveCommand:
-        ranges = (self.limits.vx_m_s, self.limits.vy_m_s, self.limits.yaw_rate_rad_s)
-        vx, vy, rate = (
-            float(share) * (high if share > 0.0 else -low)
-            for share, (low, high) in zip(action[:3], ranges, strict=True)
-        )
-        return DriveCommand(vx, vy, rate, bool(self.sits and action[3] > 0.0))
+        said = command_of(action, self.limits)
+        return said if self.sits else replace(said, sit=False)
 
     def observed(self) -> Observation:
         """What the robot sees and feels now; ``reset`` and ``step`` return it."""

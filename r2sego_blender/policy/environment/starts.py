@@ -17,7 +17,7 @@ from ...robot.planning.navigation import draw_cell, draw_path, path_between
 from .chairs import CHAIRS, Chair
 from .training_scene import TrainingScene
 
-_TRIES = 60
+_TRIES = 2000  # a chair fits in few places of a small room
 # Before a chair a robot turns and steps back, as before the room's own seats.
 _APPROACH_M = np.arange(0.2, 1.0, 0.025)
 _CHAIR_SURFACE = -1
