@@ -217,7 +217,7 @@ class _Writer:
         columns = {name: np.zeros((0, *shape), np.float32) for name, shape in self._shapes.items() if name != HEAD}
         columns |= {"timestamp": np.zeros(0, np.float32)} | dict.fromkeys(_INDICES, np.zeros(0, np.int64))
         self._data = self._parquet.ParquetWriter(data, self._table(columns).schema)
-        self._video = self._av.open(str(video), "w")
+        self._video = self._av.open(str(video), mode="w")
         height, width, _ = self._shapes[HEAD]
         stream = self._video.add_stream(_CODEC, rate=self._fps, options=_ENCODING)
         stream.width, stream.height, stream.pix_fmt = width, height, _PIXELS
