@@ -32,8 +32,9 @@ SHORT = DaggerSettings(
 )
 ROOT = Path(__file__).parents[3]
 ENDLESS = """
-import sys
+import signal, sys
 from pathlib import Path
+signal.signal(signal.SIGINT, signal.default_int_handler)  # who runs tests in the background ignores it
 from dot_environment import DotEnvironment, DotTeacher
 from r2sego_blender.policy.dagger.loop import train_student
 from r2sego_blender.policy.dagger.settings import DaggerSettings
