@@ -34,11 +34,16 @@ _PAUSES_S = [0.01 * 2**n for n in range(8)] if os.name == "nt" else []
 
 def write_whole(file: Path, text: str) -> None:
     """Write ``text`` beside ``file``, have the disk take it, and put it in its place."""
+    with made_whole(file) as unfinished:
+        write_text(unfinished, text)
+
+
+@contextlib.contextmanager
+def made_whole(file: Path) -> Iterator[Path]:
+    """Where to write what becomes ``file`` on leaving without an error, once the disk has taken it."""
     unfinished = file.with_name(UNFINISHED + file.name)  # hidden: no digest of a folder has it
-    with unfinished.open("w", encoding="utf-8", newline="\n") as stream:
-        stream.write(text)
-        stream.flush()
-        os.fsync(stream.fileno())
+    yield unfinished
+    flush(unfinished)
     rename(unfinished, file)
 
 

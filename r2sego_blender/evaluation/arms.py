@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ..bundle.figures import BASELINES
@@ -44,8 +44,11 @@ ARMS: Mapping[str, ArmSource] = {
 """The arms in the order of the table; the key is the name in metrics.json."""
 
 
-def strongest_baseline(psnr: Mapping[str, float | None], among: Iterable[str] = BASELINES) -> str:
-    """The arm ``among`` others' methods whose ``psnr`` by arm is highest, '' where none was scored."""
-    known = {arm: psnr[arm] for arm in among if arm in psnr}
-    # None is the PSNR of two equal images
-    return max(known, key=lambda arm: math.inf if known[arm] is None else float(known[arm] or 0.0), default="")
+def strongest_baseline(psnr: Mapping[str, float | None]) -> str:
+    """The method of others whose ``psnr`` by arm is highest, '' where none was scored."""
+
+    def height(arm: str) -> float:
+        found = psnr[arm]
+        return math.inf if found is None else found  # None is that of two equal images
+
+    return max((arm for arm in BASELINES if arm in psnr), key=height, default="")

@@ -8,9 +8,10 @@ from functools import cached_property
 
 from ..bundle.scene import Scene
 from ..captures.capture import Capture
+from ..captures.store import CAPTURES
 from ..core.cameras import Camera
-from ..geometry.objects.prior_files import AlignedPrior, object_place
-from ..geometry.proxy.proxy import GeometryProxy
+from ..geometry.objects.prior_files import PRIORS, AlignedPrior, object_place
+from ..geometry.proxy.proxy import PROXY, GeometryProxy
 from ..geometry.proxy.seen_floor import seen_floor
 from ..robot.behaviours.sit_on import ANY_SEAT
 from ..robot.controllers.policy_trust import require_trusted
@@ -67,6 +68,11 @@ class DeclaredBehaviour:
         if not isinstance(within, str):
             return within
         return tuple(map(tuple, seen_floor(proxy, [capture.camera for capture in captures]).tolist()))
+
+    def placed_in(self, scene: Scene, round_index: int) -> BehaviourScope:
+        """``placed`` in the room as the scene's round has it."""
+        priors = scene.read(PRIORS) if self.names_object else ()
+        return self.placed(scene.read(CAPTURES), scene.read(PROXY.of_round(round_index)), priors)
 
     def placed(
         self, captures: Sequence[Capture], proxy: GeometryProxy, priors: Sequence[AlignedPrior]

@@ -88,18 +88,13 @@ def lines(figures: dict[str, Any]) -> list[str]:
 
 
 def _alone(env: SitEnv, steps: int) -> dict[str, float]:
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
-    try:
-        actions = _actions(steps + _WARM_UP)
-        env.reset(seed=0)
-        for action in actions[:_WARM_UP]:
-            _step(env, action)
-        costs = _costing(lambda action: _step(env, action), actions[_WARM_UP:])
-        env.reset(seed=0)
-        pictures = _costing(lambda _: env.observed(), range(steps))
-    finally:
-        numba.set_num_threads(before)
+    actions = _actions(steps + _WARM_UP)
+    env.reset(seed=0)
+    for action in actions[:_WARM_UP]:
+        _step(env, action)
+    costs = _costing(lambda action: _step(env, action), actions[_WARM_UP:])
+    env.reset(seed=0)
+    pictures = _costing(lambda _: env.observed(), range(steps))
     return {
         "steps_a_cpu_second": steps / costs[0],
         "steps_a_second": steps / costs[1],

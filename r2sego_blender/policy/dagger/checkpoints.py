@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 from ...core.arrays import Arrays, opened_arrays, save_arrays
-from ...core.atomic_files import UNFINISHED, flush, rename
+from ...core.atomic_files import made_whole
 from ...core.errors import MachineError, SettingsError
 from ...core.json_files import parse_json
 from ..student.network import Student
@@ -39,10 +39,8 @@ def save_checkpoint(
     for index, moments in optimizer.state_dict()["state"].items():
         arrays |= {f"adam/{index}/{name}": moments[name].numpy() for name in _MOMENTS}
     said = json.dumps({**dataclasses.asdict(place), "settings": dataclasses.asdict(settings)})
-    unfinished = file.with_name(UNFINISHED + file.name)
-    save_arrays(unfinished, said=np.array(said), **arrays)
-    flush(unfinished)
-    rename(unfinished, file)
+    with made_whole(file) as unfinished:
+        save_arrays(unfinished, said=np.array(said), **arrays)
 
 
 def load_checkpoint(file: Path, student: Student, optimizer: torch.optim.Adam, settings: DaggerSettings) -> Place:

@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...core.atomic_files import remove, rename
-from ...core.errors import MachineError, RobotError
+from ...core.errors import RobotError
 from ...core.json_files import write_json
 from ...core.scratch import keeping, scratch_place
+from ..packages import policy_package
 
 if TYPE_CHECKING:
     import av
@@ -83,13 +84,7 @@ class _Writer:
     """Adds episodes to data and video files, and begins new ones where they have grown."""
 
     def __init__(self, root: Path, fps: int) -> None:
-        try:
-            import av
-            import pyarrow
-            import pyarrow.parquet
-        except ImportError as error:
-            raise MachineError("LeRobot datasets need PyAV and Arrow", cure="Run `make install POLICY=1`.") from error
-        self._av, self._arrow, self._parquet = av, pyarrow, pyarrow.parquet
+        self._av, self._arrow, self._parquet = map(policy_package, ("av", "pyarrow", "pyarrow.parquet"))
         self._root, self._fps = root, fps
         self._file, self._in_file, self._frames = -1, 0, 0
         self._data: Any = None

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from ...robot.controllers.commanded_drive import CommandedDrive, DriveCommand, DriveLimits
+from ...robot.controllers.velocity_pursuit import heading_rad
 from ...robot.model.composition import compose
 from ...robot.model.contacts import scene_contacts
 from ...robot.rollouts.failures import SUCCESS, Judge, Reason
@@ -120,12 +121,11 @@ class Episode:
 
     def state(self) -> PrivilegedState:
         """What is true now."""
-        w, x, y, z = self.data.qpos[3:7]
         seated_s = self._meter.seated_s
         goal_m = self._start.goal_m
         return PrivilegedState(
             base_xy_m=self.data.qpos[:2].copy(),
-            yaw_rad=math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
+            yaw_rad=heading_rad(self.data.qpos),
             base_height_m=float(self.data.qpos[2]),
             seat=self._start.seat,
             goal_xy_m=None if goal_m is None else goal_m.copy(),

@@ -11,18 +11,15 @@ from pathlib import Path
 import numpy as np
 
 from ...bundle.scene import Scene
-from ...captures.store import CAPTURES
 from ...config.settings import RolloutSettings
 from ...core.digests import content_digest
 from ...core.errors import SceneError
 from ...geometry.collision.collision_files import SCENE_XML
-from ...geometry.objects.prior_files import PRIORS
-from ...geometry.proxy.proxy import PROXY
 from ...refine.behaviour import DeclaredBehaviour
 from ...robot.behaviours.trajectory import Seat
 from ...robot.model.model import RobotModel
 from ...robot.planning.free_floor import FreeFloor, free_floor
-from ...robot.planning.navigation import ways_from
+from ...robot.planning.navigation import ways_to_seats
 from ...robot.planning.seats import find_seats
 from ...robot.scope.scope import BehaviourScope
 from ...splats.formats.registry import load_asset
@@ -79,7 +76,7 @@ class TrainingScene:
     @cached_property
     def ways(self) -> tuple[np.ndarray, np.ndarray]:
         """The seat with the shortest way to the place before it, by index, and that way (ny, nx), metres."""
-        return ways_from(self.floor, *self.floor.cells(np.array([seat.ahead(seat.approach_m) for seat in self.seats])))
+        return ways_to_seats(self.floor, self.seats)
 
 
 @functools.lru_cache(maxsize=8)
@@ -95,9 +92,7 @@ def _opened(
     model = behaviour.model
     if scope.look.camera_pitch_deg is not None:  # rollouts draw from it; a robot is sent out with one
         model = replace(model, mount=model.mount.pitched(sum(scope.look.camera_pitch_deg) / 2.0))
-    proxy = scene.read(PROXY.of_round(scene.rounds_of_result() - 1))
-    priors = scene.read(PRIORS) if behaviour.names_object else ()
-    placed = behaviour.placed(scene.read(CAPTURES), proxy, priors)
+    placed = behaviour.placed_in(scene, scene.rounds_of_result() - 1)
     mjcf = scene.collision_folder / SCENE_XML
     return TrainingScene(
         robot=model,

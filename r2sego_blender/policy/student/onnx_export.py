@@ -8,7 +8,7 @@ from pathlib import Path
 
 import torch
 
-from ...core.atomic_files import UNFINISHED, flush, rename
+from ...core.atomic_files import made_whole
 from ..packages import policy_package
 from .network import Acting, Student
 from .targets import PICTURE_SHAPE
@@ -42,7 +42,5 @@ def export_onnx(student: Student, file: Path) -> None:
     finally:
         exporter.setLevel(level)
     assert program is not None
-    unfinished = file.with_name(UNFINISHED + file.name)
-    unfinished.write_bytes(program.model_proto.SerializeToString())
-    flush(unfinished)
-    rename(unfinished, file)
+    with made_whole(file) as unfinished:
+        unfinished.write_bytes(program.model_proto.SerializeToString())

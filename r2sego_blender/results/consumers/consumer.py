@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from ...bundle.scene import Scene
-from ...captures.store import CAPTURES
 from ...core.progress import SILENT, Progress
 from ...geometry.collision.collision_files import HULLS, SCENE_XML
-from ...geometry.objects.prior_files import PRIORS
-from ...geometry.proxy.proxy import PROXY
 from ...refine.behaviour import DeclaredBehaviour
 from ...robot.planning.free_floor import FreeFloor, free_floor
 from ...splats.asset import SplatAsset
@@ -39,9 +37,10 @@ class ExportedRoom:
     def of(scene: Scene, collision: Path, progress: Progress) -> ExportedRoom:
         """A finished scene's, whose surface was exported to ``collision``."""
 
+        @functools.cache  # several consumers may ask
         def free() -> FreeFloor:
-            behaviour, proxy = DeclaredBehaviour.of(scene), scene.read(PROXY.of_round(scene.rounds_of_result() - 1))
-            scope = behaviour.placed(scene.read(CAPTURES), proxy, scene.read(PRIORS))
+            behaviour = DeclaredBehaviour.of(scene)
+            scope = behaviour.placed_in(scene, scene.rounds_of_result() - 1)
             return free_floor(behaviour.model, scope, collision / SCENE_XML)
 
         return ExportedRoom(load_asset(scene.asset_file), collision, free, progress)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy import ndimage
 from skimage.graph import MCP_Geometric
 
-from ..behaviours.trajectory import RATE_HZ, Pursuit
+from ..behaviours.trajectory import RATE_HZ, Pursuit, Seat
 from ..scope.scope import BehaviourScope
 from .free_floor import CELL_M, FreeFloor
 
@@ -82,6 +82,11 @@ def ways_from(floor: FreeFloor, rows: np.ndarray, columns: np.ndarray) -> tuple[
         if back[tuple(cell)] >= 0:
             nearest[tuple(cell)] = nearest[tuple(cell - offsets[back[tuple(cell)]])]
     return nearest, length_m
+
+
+def ways_to_seats(floor: FreeFloor, seats: Sequence[Seat]) -> tuple[np.ndarray, np.ndarray]:
+    """``ways_from`` the places before ``seats``, where a robot turns."""
+    return ways_from(floor, *floor.cells(np.array([seat.ahead(seat.approach_m) for seat in seats])))
 
 
 def _costs(floor: FreeFloor, start: tuple[int, int]) -> tuple[MCP_Geometric, np.ndarray]:

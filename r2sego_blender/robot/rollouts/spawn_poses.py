@@ -19,7 +19,7 @@ from ..behaviours.trajectory import Seat
 from ..model.composition import compose
 from ..model.model import RobotModel
 from ..planning.free_floor import FreeFloor, free_floor
-from ..planning.navigation import ways_from
+from ..planning.navigation import ways_to_seats
 from ..planning.seats import find_seats
 from ..scope.scope import BehaviourScope
 from .standing import stand_at
@@ -130,8 +130,7 @@ def _ways(floor: FreeFloor, seats: Sequence[Seat]) -> tuple[np.ndarray, np.ndarr
     """The nearest seat's index and the way to it (ny, nx), metres; inf where there is none."""
     if not seats:
         return np.full(floor.free.shape, -1), np.where(floor.free, 0.0, np.inf)
-    rows, columns = floor.cells(np.array([seat.ahead(seat.approach_m) for seat in seats]))
-    return ways_from(floor, rows, columns)
+    return ways_to_seats(floor, seats)
 
 
 def _candidates(floor: FreeFloor, rng: np.random.Generator) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import numpy as np
 from ...config.settings import RolloutSettings
 from ..behaviours.look_around import LookAround
 from ..controllers.tracking import TrackingDrive
+from ..controllers.velocity_pursuit import heading_rad
 from ..model.composition import Composition, compose
 from ..model.model import RobotModel
 from ..motion.motion import plan_motion
@@ -87,10 +87,9 @@ def stand_at(
     drive = TrackingDrive(composition, motion)
     held = simulate(composition, drive, Judge(composition, floor, still, robot.rest_height_m), _SEEN_HZ)
     offset_m = np.abs(held.qpos[:, 2] - drive.qpos[2]).max()
-    _, _, z, w = np.roll(drive.qpos[3:7], -1)
     return Standing(
         (float(drive.qpos[0]), float(drive.qpos[1])),
-        2.0 * math.atan2(float(z), float(w)),
+        heading_rad(drive.qpos),
         float(held.times_s[-1]),
         float(offset_m),
         str(held.reason),
