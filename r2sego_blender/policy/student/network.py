@@ -81,7 +81,7 @@ class Student(nn.Module):
         """What it says of features (B, T, FEATURES), ``proprio`` (B, T, P) float32 and ``state`` (B, S)."""
         scaled = (proprio - self.proprio_mean) / self.proprio_deviation
         felt = self.body(scaled.clamp(-_MOST_DEVIATIONS, _MOST_DEVIATIONS))
-        now = torch.cat([seen, self.localizer(seen), felt], dim=2)
+        now = torch.cat([seen, self.localizer(seen).detach(), felt], dim=2)
         remembered, last = self.memory(now, state[None])
         known = torch.cat([remembered, now], dim=2)
         said = self.action(known)
