@@ -17,6 +17,7 @@ from .dagger.settings import DaggerSettings
 from .packages import policy_package
 
 if TYPE_CHECKING:
+    from .dagger.episodes import Outcome
     from .dagger.evaluation import Evaluation
     from .environment.environments import SitEnv
 
@@ -77,10 +78,10 @@ def train_policy(task: Task, folder: Path, settings: DaggerSettings, progress: P
     return folder / STUDENT_ONNX
 
 
-def evaluate_policy(
+def policy_outcomes(
     task: Task, policy: str | Path, episodes: int, seed: int, progress: Progress = SILENT
-) -> Evaluation:
-    """How often a training's student, or the teacher, sits down in so many episodes of its own.
+) -> Iterator[Outcome]:
+    """How so many episodes end in which a training's student, or the teacher, acts.
 
     Episodes are drawn by ``seed`` and differ from those of trainings. Raises MachineError where the folder
     ``policy`` has no checkpoint that can be read.
@@ -89,14 +90,23 @@ def evaluate_policy(
     from .dagger.acting import outcomes, taught_outcomes
     from .dagger.bundle_episodes import BundleEpisodes
     from .dagger.checkpoints import load_student
-    from .dagger.evaluation import Evaluation
     from .dagger.loop import CHECKPOINT
 
     room = BundleEpisodes(env)
     seeds = progress.track(evaluation_seeds(seed, episodes), "Episodes", episodes)
     if policy == TEACHER:
-        return Evaluation.of(taught_outcomes(room, room, env.limits, iter(seeds)))
-    return Evaluation.of(outcomes(room, load_student(Path(policy) / CHECKPOINT), iter(seeds)))
+        yield from taught_outcomes(room, room, env.limits, iter(seeds))
+    else:
+        yield from outcomes(room, load_student(Path(policy) / CHECKPOINT), iter(seeds))
+
+
+def evaluate_policy(
+    task: Task, policy: str | Path, episodes: int, seed: int, progress: Progress = SILENT
+) -> Evaluation:
+    """How often ``policy_outcomes`` are successes."""
+    from .dagger.evaluation import Evaluation
+
+    return Evaluation.of(policy_outcomes(task, policy, episodes, seed, progress))
 
 
 def evaluation_seeds(seed: int, count: int) -> Sequence[int]:

@@ -59,7 +59,7 @@ def labelled_episode(
             teacher_drives = bool(rng.random() < beta)
         own = None if actor is None else actor.act(observation)
         observation, state, done = environment.step(label if own is None or teacher_drives else own)
-    return Episode(*map(np.stack, zip(*steps, strict=True)), outcome_of(state, seed, len(steps)))
+    return _episode(steps, outcome_of(state, seed, len(steps)))
 
 
 def labelled_views(environment: Environment, teacher: Teacher, seeds: Sequence[int], limits: DriveLimits) -> Episode:
@@ -68,7 +68,12 @@ def labelled_views(environment: Environment, teacher: Teacher, seeds: Sequence[i
     for number, seed in enumerate(seeds):
         observation, state = environment.view(seed, near_target=number % 2 == 1)
         views.append(_recorded(observation, action_of(teacher.label(state)[0], limits), state))
-    return Episode(*map(np.stack, zip(*views, strict=True)), Outcome(seeds[0], "", len(views), 0.0))
+    return _episode(views, Outcome(seeds[0], "", len(views), 0.0))
+
+
+def _episode(steps: Sequence[tuple[np.ndarray, ...]], outcome: Outcome) -> Episode:
+    pictures, proprio, actions, seat, poses = (np.stack(column) for column in zip(*steps, strict=True))
+    return Episode(pictures, proprio, actions, seat, poses, outcome)
 
 
 def _recorded(observation: Observation, label: np.ndarray, state: PrivilegedState) -> tuple[np.ndarray, ...]:

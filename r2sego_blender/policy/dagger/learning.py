@@ -86,7 +86,7 @@ def learn(
             torch.stack([weights[name] * loss for name, loss in losses.items()]).sum().backward()
             torch.nn.utils.clip_grad_norm_(student.parameters(), _MOST_GRADIENT)
             optimizer.step()
-            yield min(begin + settings.sequences, count), {name: float(loss) for name, loss in losses.items()}
+            yield min(begin + settings.sequences, count), {name: float(loss.detach()) for name, loss in losses.items()}
 
 
 def _losses(output: Output, actions: torch.Tensor, seat: torch.Tensor, there: torch.Tensor) -> dict[str, torch.Tensor]:

@@ -50,5 +50,5 @@ def localize(
             place_m = PLACE_M * (said[:, :2] - place).norm(dim=1).mean()
             turned = (said[:, 2:4] * heading).sum(dim=1) / said[:, 2:4].norm(dim=1).clamp_min(1e-6)
             heading_deg = torch.rad2deg(turned.clamp(-1.0, 1.0).acos()).mean()
-        figures = {"pose": float(pose), "place_m": float(place_m), "heading_deg": float(heading_deg)}
+        figures = {"pose": float(pose.detach()), "place_m": float(place_m), "heading_deg": float(heading_deg)}
         yield int(min((update + 1) * settings.pictures, len(steps))), figures

@@ -89,12 +89,13 @@ def test_the_student_learns_from_pictures_what_the_teacher_knows(tmp_path):
         teacher_episodes=16,
         iterations=2,
         episodes=8,
-        epochs=4,
-        last_epochs=6,
+        epochs=10,
+        last_epochs=30,
+        pictures=16,
         sequences=4,
         window_steps=12,
         learning_rate=2e-3,
-        views=200,
+        views=500,
         sit_weight=1.0,
     )
     student = train_student(DotEnvironment(), DotTeacher(), settings, tmp_path)
