@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..bundle.scene import Scene
 from ..config.declared_files import Reader, did_you_mean
 from ..config.fields import fields_of
 from ..core.errors import SettingsError
+from ..core.json_files import write_json
 from ..core.progress import SILENT, Progress
 from .dagger.settings import DaggerSettings
 from .packages import policy_package
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
 TEACHER = "teacher"
 """In place of a training's folder: the privileged teacher."""
 STUDENT_ONNX = "student.onnx"
+TRAINED_IN = "trained_in.json"
+"""Of what scene, asset, chairs and robot a training's folder is."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +77,9 @@ def train_policy(task: Task, folder: Path, settings: DaggerSettings, progress: P
     from .student.onnx_export import export_onnx
 
     episodes = BundleEpisodes(env)
+    folder.mkdir(parents=True, exist_ok=True)
+    where = {"scene": task.scene.name, "asset": Path(task.asset).name, "chairs": task.chairs}
+    write_json(folder / TRAINED_IN, {**where, "robot": Scene.open(task.scene).declaration.robot})
     student = train_student(episodes, episodes, settings, folder, env.limits, progress)
     export_onnx(student, folder / STUDENT_ONNX)
     return folder / STUDENT_ONNX
