@@ -60,7 +60,7 @@ def fixed_inputs(plan: Plan, folder: Path, write: bool = True) -> dict[str, Scen
     """
     found = {scene.name: _inputs(scene, max(plan.counts, default=0)) for scene in plan.scenes}
     file = folder / INPUTS
-    known = _known(file)
+    known = known_inputs(file)
     for name, one in found.items():
         present = _as_json(one)
         if name in known and known[name] != present:
@@ -149,8 +149,8 @@ def _require_distinct(
         )
 
 
-def _known(file: Path) -> dict[str, Any]:
-    """The scenes of an experiment that was begun."""
+def known_inputs(file: Path) -> dict[str, Any]:
+    """The scenes of an experiment that was begun, as its file has them. Raises ExperimentError."""
     try:
         data = read_json(file)
         if not (isinstance(data["scenes"], dict) and all(isinstance(one, dict) for one in data["scenes"].values())):

@@ -21,6 +21,8 @@ from ..core.json_files import finite_number, read_json
 RECORD = "record.json"
 """The file in a cell's folder."""
 
+_LARGEST = 1e15  # seconds, MB, dB: sums of them stay finite
+
 
 @dataclass(frozen=True)
 class Stage:
@@ -70,7 +72,7 @@ def read_record(folder: Path) -> Record | None:
     try:
         data = read_json(file)
         stages = tuple(
-            Stage(str(one["name"]), finite_number(one["seconds"]), *(_number(one[key]) for key in ("cpu_s", "peak_mb")))
+            Stage(str(one["name"]), _number(one["seconds"]), *(_known(one[key]) for key in ("cpu_s", "peak_mb")))
             for one in data["stages"]
         )
         return Record(
@@ -78,9 +80,9 @@ def read_record(folder: Path) -> Record | None:
             {str(name): _scores(arm) for name, arm in data["arms"].items()},
             {str(name): str(digest) for name, digest in data["assets"].items()},
             stages,
-            {str(name): finite_number(seconds) for name, seconds in data["steps"].items()},
+            {str(name): _number(seconds) for name, seconds in data["steps"].items()},
             {str(name): str(value) for name, value in data["made_by"].items()},
-            finite_number(data["finished"]),
+            _number(data["finished"]),
         )
     except (FileNotFoundError, NotADirectoryError):
         return None
@@ -90,15 +92,22 @@ def read_record(folder: Path) -> Record | None:
         ) from error
 
 
-def _number(value: Any) -> float | None:
-    return None if value is None else finite_number(value)
+def _number(value: Any) -> float:
+    number = finite_number(value)
+    if abs(number) > _LARGEST:
+        raise ValueError(f"{value} is too large a number")
+    return number
+
+
+def _known(value: Any) -> float | None:
+    return None if value is None else _number(value)
 
 
 def _scores(arm: Any) -> dict[str, Any]:
     """An arm's scores and those of each view; a PSNR of None is that of equal images."""
     kinds = ("psnr", "ssim", "lpips_alex")
-    views = [{"name": str(view["name"]), **{kind: _number(view.get(kind)) for kind in kinds}} for view in arm["views"]]
-    return {**{kind: _number(arm.get(kind)) for kind in kinds}, "views": views}
+    views = [{"name": str(view["name"]), **{kind: _known(view.get(kind)) for kind in kinds}} for view in arm["views"]]
+    return {**{kind: _known(arm.get(kind)) for kind in kinds}, "views": views}
 
 
 @cache
