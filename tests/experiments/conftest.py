@@ -22,6 +22,13 @@ def plan(plan_file):
 
 
 @pytest.fixture
+def two_cells(plan_file):
+    """The plan with one seed, as its file has it then."""
+    plan_file.write_text(PLAN.replace("[0, 1]", "[0]"))
+    return Plan.load(plan_file)
+
+
+@pytest.fixture
 def control(tmp_path, monkeypatch):
     """What the stand-in obeys, and where it notes the commands that it finished."""
     folder = tmp_path / "control"
