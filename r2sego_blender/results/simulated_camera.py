@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from types import TracebackType
 
 import mujoco
@@ -14,24 +13,12 @@ from ..core.images import to_uint8
 from ..robot.model.model_camera import model_camera
 from ..splats.asset import SplatAsset
 from ..splats.rendering.rasterizer import render
+from ..views.head_image import Sight
 
 _NEARLY_FAR = 0.99
 
 _DEPTH_TOLERANCE_M = 0.05
 """Splats lie this much before what they show: else feet would sink into the floor."""
-
-
-@dataclass(frozen=True)
-class Sight:
-    """What a camera sees at one moment.
-
-    ``colour`` (H, W, 3) uint8, sRGB; ``depth_m`` (H, W) float32, planar, 0 where nothing is;
-    ``body`` (H, W) bool, where a body of the simulation is seen and not the room.
-    """
-
-    colour: np.ndarray
-    depth_m: np.ndarray
-    body: np.ndarray
 
 
 class SimulatedCamera:

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from ...robot.controllers.commanded_drive import DriveLimits
-from ..action_spaces.commands import action_of
+from ...robot.controllers.drive_actions import action_of
 from ..environment.state import PrivilegedState
 from ..student.network import Acting, Student
 from ..student.targets import seat_target

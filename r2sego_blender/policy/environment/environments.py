@@ -13,15 +13,14 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 
 from ...core.errors import SettingsError
-from ...results.simulated_camera import Sight
 from ...robot.controllers.commanded_drive import DriveCommand, DriveLimits
+from ...robot.controllers.drive_actions import MOST, SIZE, command_of, proprioception_size
 from ...robot.planning.course import require_legs
 from ...robot.planning.free_floor import FreeFloor
-from ..action_spaces.commands import SIZE, command_of
+from ...views.drawn_bodies import DrawnBody
+from ...views.head_image import SIZE_PX, HeadCamera, HeadView, Sight
 from .chairs import CHAIRS
-from .drawn_bodies import DrawnBody
 from .episode import STEP_S, Episode
-from .head_image import SIZE_PX, HeadCamera, HeadView
 from .randomization import Randomization
 from .starts import Start, draw_start
 from .state import PrivilegedState
@@ -30,7 +29,6 @@ from .training_scene import TrainingScene
 Observation = dict[str, np.ndarray]
 
 _RENDER_MODES = ("rgb_array", "depth_array", "rgbd_tuple")
-_MOST = 1000.0  # of what is felt, whose spaces Gymnasium wants bounded; a robot that falls stays far below
 _FARTHEST_M = 100.0
 
 
@@ -89,11 +87,11 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         self._start: Start | None = None
         self._sight: Sight | None = None
         self.action_space = spaces.Box(-1.0, 1.0, (SIZE,), np.float32)
-        joints = len(self._episode.composition.qpos_address)
+        felt = proprioception_size(self._episode.composition)
         observed = spaces.Dict(
             {
                 "head": spaces.Box(0, 255, (SIZE_PX[1], SIZE_PX[0], 3), np.uint8),
-                "proprio": spaces.Box(-_MOST, _MOST, (6 + 2 * joints + SIZE,), np.float32),
+                "proprio": spaces.Box(-MOST, MOST, (felt,), np.float32),
                 **self._more_spaces(),
             }
         )
@@ -128,7 +126,7 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         return self.observed(), self._info()
 
     def step(self, action: np.ndarray) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """A tenth of a second of an action (4,), see ``action_spaces.commands``."""
+        """A tenth of a second of an action (4,), see ``drive_actions``."""
         self._require_start()
         self._last_action = np.clip(np.asarray(action, np.float32), -1.0, 1.0)
         self._episode.step(self._command(self._last_action))
@@ -169,7 +167,7 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         chair = self._start.chair
         others = [] if chair is None else [(self._drawn_chairs[chair.name], chair.world_from_chair)]
         self._sight = self._camera.see(self._episode.earlier(self._drawn.latency_s), self._drawn.view, others)
-        felt = np.clip(self._episode.proprioception(self._last_action), -_MOST, _MOST)
+        felt = self._episode.proprioception(self._last_action)
         return {"head": self._sight.colour.copy(), "proprio": felt, **self._more_observed()}
 
     def _info(self) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from ...robot.controllers.commanded_drive import CommandedDrive, DriveCommand, DriveLimits
+from ...robot.controllers.drive_actions import proprioception
 from ...robot.controllers.velocity_pursuit import heading_rad
 from ...robot.model.composition import compose
 from ...robot.model.contacts import scene_contacts
@@ -137,23 +138,8 @@ class Episode:
         )
 
     def proprioception(self, last_action: np.ndarray) -> np.ndarray:
-        """(P,) float32: gravity and angular velocity in the base's frame, joints from rest, their velocities, and
-        the last action (4,)."""
-        data, composition = self.data, self.composition
-        turn = np.empty(9)
-        mujoco.mju_quat2Mat(turn, data.qpos[3:7])
-        address = composition.qpos_address
-        # A free joint's angular velocity is its body's own.
-        return np.concatenate(
-            [
-                -turn.reshape(3, 3)[2],
-                data.qvel[3:6],
-                data.qpos[address] - self._scene.robot.rest_qpos[address],
-                data.qvel[composition.dof_address[6:]],
-                last_action,
-            ],
-            dtype=np.float32,
-        )
+        """``drive_actions.proprioception`` after the ``last_action`` (4,)."""
+        return proprioception(self.data, self.composition, self._scene.robot.rest_qpos, last_action)
 
 
 def judged_scope(scene: TrainingScene) -> BehaviourScope:

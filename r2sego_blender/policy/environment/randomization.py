@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...config.fields import Range, setting
-from .head_image import HeadView
+from ...views.head_image import HeadView
 
 _STILL: Range = (1.0, 1.0)
 

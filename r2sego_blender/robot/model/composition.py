@@ -56,6 +56,11 @@ class Composition:
     stiffness: np.ndarray
     damping: np.ndarray
 
+    @property
+    def joint_dof_address(self) -> np.ndarray:
+        """(joints,) int: where the joints' velocities are."""
+        return self.dof_address[len(self.dof_address) - len(self.qpos_address) :]
+
     def geom_label(self, geom: int) -> str:
         """The geom's name as a person knows it, or its body's."""
         name = self.model.geom(geom).name

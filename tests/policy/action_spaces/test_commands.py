@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from r2sego_blender.config.settings import RolloutSettings
-from r2sego_blender.policy.action_spaces.commands import action_of, command_of
 from r2sego_blender.policy.action_spaces.slot import action_space
 from r2sego_blender.robot.controllers.commanded_drive import DriveCommand, DriveLimits
+from r2sego_blender.robot.controllers.drive_actions import action_of, command_of
 from r2sego_blender.robot.model.model import RobotModel
 
 LIMITS = DriveLimits(vx_m_s=(-0.2, 0.8), vy_m_s=(-0.1, 0.3), yaw_rate_rad_s=(-0.5, 1.0))

@@ -11,15 +11,14 @@ import mujoco
 import numba
 import numpy as np
 
-from ...core.cameras import Camera
-from ...core.colours import linear_from_srgb, srgb_from_linear
-from ...core.images import to_uint8
-from ...results.simulated_camera import Sight
-from ...robot.model.model import RobotModel
-from ...robot.rollouts.bodies import body_shapes
-from ...splats.kernels.packing import PackedGaussians
-from ...splats.rendering.rasterizer import Rasterizer
-from ...splats.rendering.surfaces import in_front
+from ..core.cameras import Camera
+from ..core.colours import linear_from_srgb, srgb_from_linear
+from ..core.images import to_uint8
+from ..robot.model.model import RobotModel
+from ..robot.rollouts.bodies import body_shapes
+from ..splats.kernels.packing import PackedGaussians
+from ..splats.rendering.rasterizer import Rasterizer
+from ..splats.rendering.surfaces import in_front
 from .drawn_bodies import DrawnBody, draw_bodies
 
 SIZE_PX = (128, 96)
@@ -29,6 +28,19 @@ SIZE_PX = (128, 96)
 _BEFORE_M = 0.05
 _LEAST_LIGHT = 1.0 / 512.0  # below it a body changes no level of its pixel
 _AS_IT_IS = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What a camera sees at one moment.
+
+    ``colour`` (H, W, 3) uint8, sRGB; ``depth_m`` (H, W) float32, planar, 0 where nothing is;
+    ``body`` (H, W) bool, where a body of the simulation is seen and not the room.
+    """
+
+    colour: np.ndarray
+    depth_m: np.ndarray
+    body: np.ndarray
 
 
 @dataclass(frozen=True)

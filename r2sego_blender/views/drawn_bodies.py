@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core.cameras import Camera
-from ...geometry.visibility.rasterizer import MeshRasterizer
-from ...robot.rollouts.bodies import BodyShape
+from ..core.cameras import Camera
+from ..geometry.visibility.rasterizer import MeshRasterizer
+from ..robot.rollouts.bodies import BodyShape
 
 # Light from all sides, and what the light adds to a face that is turned to it.
 _AMBIENT, _DIFFUSE = 0.55, 0.45

@@ -10,13 +10,13 @@ import trimesh
 
 from r2sego_blender.core.colours import linear_from_srgb, srgb_from_linear
 from r2sego_blender.core.images import to_uint8
-from r2sego_blender.policy.environment.drawn_bodies import DrawnBody
-from r2sego_blender.policy.environment.head_image import SIZE_PX, HeadCamera, HeadView
 from r2sego_blender.robot.model.model import RobotModel
 from r2sego_blender.robot.rollouts.bodies import BodyShape
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.kernels.packing import PackedGaussians
 from r2sego_blender.splats.rendering.rasterizer import render
+from r2sego_blender.views.drawn_bodies import DrawnBody
+from r2sego_blender.views.head_image import SIZE_PX, HeadCamera, HeadView
 
 WALL_M = 2.0
 RED = (1.0, 0.0, 0.0)
