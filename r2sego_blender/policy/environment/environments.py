@@ -18,7 +18,8 @@ from ...robot.controllers.drive_actions import MOST, SIZE, command_of, proprioce
 from ...robot.planning.course import require_legs
 from ...robot.planning.free_floor import FreeFloor
 from ...views.drawn_bodies import DrawnBody
-from ...views.head_image import SIZE_PX, HeadCamera, HeadView, Sight
+from ...views.head_image import SIZE_PX, HeadCamera, HeadView
+from ...views.room_looks import Sight, SplatLooks
 from .chairs import CHAIRS
 from .episode import STEP_S, Episode
 from .randomization import Randomization
@@ -83,7 +84,7 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         self._randomization = randomization or Randomization()
         self._max_steps = round(max_seconds / STEP_S)
         self._episode = Episode(self.scene, self._chairs, self.limits)
-        self._camera = HeadCamera(self.scene.asset, self.scene.robot)
+        self._camera = HeadCamera(SplatLooks(self.scene.asset), self.scene.robot)
         self._start: Start | None = None
         self._sight: Sight | None = None
         self.action_space = spaces.Box(-1.0, 1.0, (SIZE,), np.float32)
