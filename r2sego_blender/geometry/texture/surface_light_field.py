@@ -12,13 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...core.arrays import (
-    opened_arrays,
-    require_between,
-    require_indices,
-    require_shapes,
-    save_arrays,
-)
+from ...core.arrays import opened_arrays, require_between, require_indices, require_shapes, save_arrays
 from ...core.cameras import Camera
 from ...core.compiled import inlined, parallel_kernel, prange
 from ...core.errors import GeometryError
@@ -68,19 +62,19 @@ class SurfaceLightField:
         return SurfaceLightField(**field)
 
     def save(self, file: Path) -> None:
-        """Write the arrays as an uncompressed ``.npz``; the light as float16, whose steps are finer than a picture's."""
+        """Write the arrays as an uncompressed ``.npz``; light is float16 there, finer than a picture's levels."""
         arrays = {name: getattr(self, name) for name in self.__dataclass_fields__}
         save_arrays(file, **arrays | {"light": self.light.astype(np.float16)})
 
     def render(self, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
         """Colour (H, W, 3) float32 sRGB in [0, 1], the mean of nine samples a pixel, and planar depth (H, W)
         float32 in its middle, metres, 0 where there is no surface."""
-        seen = self._rasterizer.render(_finer(camera))
+        seen = self._rasterizer.render(camera.scaled(_SAMPLES))
         harmonics = harmonics_seen(camera, self.light.shape[1])
         colour = _shade(
             seen.depth,
             seen.face,
-            *_rays(_finer(camera)),
+            *_rays(camera.scaled(_SAMPLES)),
             self._charts,
             self.texels,
             self._first,
@@ -158,21 +152,9 @@ def face_frames(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np
     return corner, np.stack([along, inward], axis=1), np.concatenate([length, height], axis=1)
 
 
-def _finer(camera: Camera) -> Camera:
-    return Camera(
-        _SAMPLES * camera.width,
-        _SAMPLES * camera.height,
-        *(_SAMPLES * value for value in (camera.fx, camera.fy, camera.cx, camera.cy)),
-        camera.world_from_camera,
-    )
-
-
 def _rays(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """(H, W, 3) float64: what a metre of depth is in each pixel's middle, in the world; and the camera's centre."""
-    x = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
-    y = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
-    turn = camera.world_from_camera[:3, :3]
-    rays = x[None, :, None] * turn[:, 0] + y[:, None, None] * turn[:, 1] + turn[:, 2]
+    rays = camera.rays() @ camera.world_from_camera[:3, :3].T
     return np.ascontiguousarray(rays), np.ascontiguousarray(camera.world_from_camera[:3, 3])
 
 
