@@ -1,11 +1,12 @@
 """A made-up or imported room as a reference room: true geometry, and the light of Cycles that leaves it.
 
-    python -m tools.rooms.reference --room demo --to DIR [--views 260] [--samples 8] [--cell-m 0.016]
+    python -m tools.rooms.reference --room demo --to DIR [--views 260] [--samples 4] [--cell-m 0.016]
 
 A policy is tested in it (``docs/policy.md``). ``DIR/light.npz`` is the surface light field, fitted to pictures by
 Cycles from places that a head can be at over the free floor: each next one is the one of several drawn that sees
 most of what was seen least. ``DIR/collision`` is the true surface as a simulator takes it, ``DIR/pictures`` what was
-rendered: a command that was ended goes on. Frozen views are never among them.
+rendered and from where: a command that was ended, or is given more ``--views``, goes on. Frozen views are never among
+them.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from demo.living_room.cameras import upright
 from r2sego_blender.config.settings import CollisionSettings
 from r2sego_blender.core.cameras import Camera
 from r2sego_blender.core.images import load_image
-from r2sego_blender.core.json_files import write_json
+from r2sego_blender.core.json_files import read_json, write_json
 from r2sego_blender.geometry.collision.collision import collision_surface
 from r2sego_blender.geometry.collision.collision_files import write_collision
 from r2sego_blender.geometry.proxy.proxy import GeometryProxy, Provenance
@@ -36,7 +37,7 @@ SIZE_PX = (256, 192)
 _FOCAL_PX = 128.0  # 90 degrees across
 _HEAD_M, _DOWN_DEG = (0.75, 1.4), (0.0, 60.0)  # from seated to standing
 _CLEARANCE_M = 0.1
-_DRAWN = 12  # places, of which the best is taken
+_DRAWN = 8  # places, of which the best is taken
 _SEED = 46
 _DEGREE, _RIDGE = 2, 0.25
 _COARSE = 0.25  # of a picture's size, where only what it sees is asked
@@ -54,15 +55,21 @@ def main() -> None:
     floor = free_floor(scene.truth.vertices, scene.truth.faces, scene.low, scene.high)
     rendered: Path = options.to / "pictures"
     rendered.mkdir(parents=True, exist_ok=True)
-    cameras = []
-    for index, camera in enumerate(head_cameras(mesh_of(scene.truth, options.cell_m), floor, options.views)):
-        file = rendered / f"{index:04d}.png"
-        if not file.is_file():
-            pictures.photograph(camera, file, seed=index)
-        cameras.append(camera)
-    write_reference(options.to, scene.truth, cameras, rendered, options.cell_m)
+    known = [Camera.from_json(read_json(file)) for file in sorted(rendered.glob("*.json"))]
+    for index, camera in enumerate(
+        head_cameras(mesh_of(scene.truth, options.cell_m), floor, options.views, known), len(known)
+    ):
+        pictures.photograph(camera, rendered / f"{index:04d}.png", seed=index)
+        write_json(rendered / f"{index:04d}.json", camera.to_json())
+        known.append(camera)
+    write_reference(options.to, scene.truth, known, rendered, options.cell_m)
     seconds = time.process_time() - began_s
-    told = {"room": options.room, "views": options.views, "samples": options.samples, "processor_s": round(seconds)}
+    told = {
+        "room": options.room,
+        "views": len(known),
+        "samples": options.samples,
+        "last_run_processor_s": round(seconds),
+    }
     write_json(options.to / "info.json", told)
     print(f"{options.to}: {seconds:.0f} s of processor")
 
@@ -80,19 +87,27 @@ def mesh_of(room: TrueRoom, cell_m: float, cameras: Sequence[Camera] = ()) -> Su
     return SurfaceLightField(vertices, faces, texels, np.zeros((count, 1, 3), np.float32), np.zeros(3, np.float32))
 
 
-def head_cameras(mesh: SurfaceLightField, floor: FreeFloor, count: int) -> Iterator[Camera]:
-    """``count`` cameras over the free floor, each seeing most of what those before it saw least."""
-    rng = np.random.default_rng(_SEED)
+def head_cameras(
+    mesh: SurfaceLightField, floor: FreeFloor, count: int, known: Sequence[Camera] = ()
+) -> Iterator[Camera]:
+    """Cameras over the free floor that with ``known`` are ``count``, each seeing most of what was seen least."""
+    rng = np.random.default_rng([_SEED, len(known)])
     places = floor.places(_CLEARANCE_M)
     lens = Camera(*SIZE_PX, _FOCAL_PX, _FOCAL_PX, SIZE_PX[0] / 2, SIZE_PX[1] / 2, np.eye(4))
     times = np.zeros(len(mesh.light))
-    for _ in range(count):
+
+    def texels_of(camera: Camera) -> np.ndarray:
+        texels, _ = mesh.texels_seen(camera.scaled(_COARSE))
+        return texels[texels >= 0]
+
+    for camera in known:
+        times[np.unique(texels_of(camera))] += 1.0
+    for _ in range(len(known), count):
         best, most, seen = lens, -1.0, np.zeros(0, int)
         for place in places[rng.integers(len(places), size=_DRAWN)]:
             heading, down, height = (rng.uniform(*limits) for limits in ((-180.0, 180.0), _DOWN_DEG, _HEAD_M))
             camera = lens.at(upright(*place, height, heading, down))
-            texels, _ = mesh.texels_seen(camera.scaled(_COARSE))
-            texels = texels[texels >= 0]
+            texels = texels_of(camera)
             gain = float((1.0 / (1.0 + times[texels])).sum())
             if gain > most:
                 best, most, seen = camera, gain, np.unique(texels)
@@ -123,7 +138,7 @@ def _options(rooms: tuple[str, ...]) -> argparse.Namespace:
     parser.add_argument("--to", type=Path, required=True, help="the folder to make")
     parser.add_argument("--data", type=Path, default=Path("../shared/scenes"), help="where the meshes lie")
     parser.add_argument("--views", type=int, default=260, help="pictures by Cycles")
-    parser.add_argument("--samples", type=int, default=8, help="Cycles samples a pixel")
+    parser.add_argument("--samples", type=int, default=4, help="Cycles samples a pixel")
     parser.add_argument("--cell-m", type=float, default=0.016, help="largest side of a texel")
     parser.add_argument("--threads", type=int, default=0, help="Cycles' threads; 0 for all")
     return parser.parse_args()

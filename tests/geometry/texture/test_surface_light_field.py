@@ -140,7 +140,7 @@ def test_a_file_gives_the_same_pictures_and_one_that_does_not_fit_together_is_re
         "texels": [surface.texels * 0, surface.texels + 1, -surface.texels, surface.texels[:-1]],
         "faces": [surface.faces + 5, surface.faces - 1, surface.faces.astype(float)],
         "light": [surface.light[:, :3], surface.light[:-1], surface.light * np.nan, surface.light[..., :2]],
-        "vertices": [surface.vertices * np.inf, surface.vertices * 1e9],
+        "vertices": [surface.vertices + np.float32(np.inf), surface.vertices * 1e9],
         "background": [SKY[:2], SKY * np.nan],
     }
     for name, values in wrong.items():
