@@ -62,8 +62,8 @@ def _read_checkpoint(folder: Path) -> Any:
 def _light_field(folder: Path) -> None:
     from r2sego_blender.geometry.texture.surface_light_field import SurfaceLightField
 
-    vertices = np.float32([[-1, -1, 2], [1, -1, 2], [1, 1, 2], [-1, 1, 2]])
-    faces, texels = np.int32([[0, 1, 2], [0, 2, 3]]), np.int32([[3, 2], [2, 2]])
+    vertices = np.array([[-1, -1, 2], [1, -1, 2], [1, 1, 2], [-1, 1, 2]], np.float32)
+    faces, texels = (np.array(rows, np.int32) for rows in ([[0, 1, 2], [0, 2, 3]], [[3, 2], [2, 2]]))
     light = np.linspace(-1.0, 2.0, 10 * 4 * 3, dtype=np.float32).reshape(10, 4, 3)
     SurfaceLightField(vertices, faces, texels, light, np.zeros(3, np.float32)).save(folder / "light.npz")
 
