@@ -59,13 +59,15 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         randomization: Randomization | None = None,
         max_seconds: float = 40.0,
         render_mode: str | None = None,
+        tracker: str | Path = "",
     ) -> None:
         """Episodes in the refined scene ``bundle``.
 
         ``robot``, ``scope`` and ``asset`` stand in for the bundle's own. With ``chairs``, names of
         ``CHAIRS``, one of these kinds stands in every episode's room, and is what is sat on.
-        ``randomization`` is ``Randomization()`` if it is not given. Raises SettingsError for kinds and
-        modes that are none, and what ``TrainingScene.open`` raises.
+        ``randomization`` is ``Randomization()`` if it is not given. A ``tracker``, TWIST2's ONNX file, balances the
+        robot in the embedded controller's place, unaided. Raises SettingsError for kinds and
+        modes that are none, and what ``TrainingScene.open`` and ``Episode`` raise.
         """
         unknown = sorted(set(chairs) - set(CHAIRS))
         if unknown:
@@ -82,7 +84,7 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         self._drawn_chairs = {name: DrawnBody.of(CHAIRS[name].shape()) for name in self._chairs}
         self._randomization = randomization or Randomization()
         self._max_steps = round(max_seconds / STEP_S)
-        self._episode = Episode(self.scene, self._chairs, self.limits)
+        self._episode = Episode(self.scene, self._chairs, self.limits, tracker)
         self._camera = HeadCamera(self.scene.asset, self.scene.robot)
         self._start: Start | None = None
         self._sight: Sight | None = None

@@ -70,6 +70,10 @@ def check_controller(robot: RobotModel, scope: BehaviourScope) -> None:
     Policies and motions are read and tried as ``make_controller`` does. Raises RobotError.
     """
     require_legs(robot, scope)
+    if scope.controller.tracker:
+        from .twist2 import Twist2
+
+        Twist2(scope.controller.tracker, robot)
     if scope.controller.kind == "policy":
         from .policy import DeclaredPolicy
 

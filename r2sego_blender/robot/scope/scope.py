@@ -86,6 +86,12 @@ class Control:
     file: str = setting("", "The policy: ONNX, or TorchScript, which can run code of its maker's.", read=_file)
     layout: str = setting("", "The policy's observation layout: a shipped one's name, or a TOML file.", read=_layout)
     motions: tuple[str, ...] = setting((), "The recorded motions.", read=_motions)
+    tracker: str = setting(
+        "",
+        "TWIST2's ONNX file, which tracks motions without a helping wrench in the embedded controller's place.",
+        read=_file,
+        added=True,
+    )
 
 
 @dataclass(frozen=True)
@@ -195,7 +201,8 @@ class BehaviourScope(_WithRanges):
     @property
     def files(self) -> tuple[Path, ...]:
         """The files it names that are there."""
-        named = (self.robot.model, self.controller.file, self.controller.layout, *self.controller.motions)
+        control = self.controller
+        named = (self.robot.model, control.file, control.layout, *control.motions, control.tracker)
         return tuple(Path(name) for name in named if name and Path(name).is_file())
 
     @staticmethod
