@@ -14,6 +14,7 @@ import numpy as np
 from ..core.cameras import Camera
 from ..core.colours import linear_from_srgb, srgb_from_linear
 from ..core.images import to_uint8
+from ..robot.controllers.seeing_policy import HEAD_PICTURE
 from ..robot.model.model import RobotModel
 from ..robot.rollouts.bodies import body_shapes
 from ..splats.kernels.packing import PackedGaussians
@@ -21,7 +22,7 @@ from ..splats.rendering.rasterizer import Rasterizer
 from ..splats.rendering.surfaces import in_front
 from .drawn_bodies import DrawnBody, draw_bodies
 
-SIZE_PX = (128, 96)
+SIZE_PX = HEAD_PICTURE[1], HEAD_PICTURE[0]
 """Width and height of the head's pictures."""
 
 # Gaussians lie this much before what they show: else a foot would sink into the floor.

@@ -21,6 +21,7 @@ from r2sego_blender.refine.capture_steps import AlignedPriors, RegisteredCapture
 from r2sego_blender.refine.steps import Steps
 from r2sego_blender.results.robot_bodies import export_bodies
 from r2sego_blender.robot.rollouts.rollout import load_rollouts
+from r2sego_blender.splats.artifacts import INITIAL_ASSET
 
 ROOT = Path(__file__).parents[2]
 SHORT = {"episode.duration_s": 1.0, "walk_to.distance_m": [0.1, 0.6]}
@@ -39,7 +40,9 @@ def round_rollouts(scene):
 
     steps = Steps(Runner(scene), scene.declaration.settings, SILENT)
     proxy, collision = PROXY.of_round(0), COLLISION.of_round(0)
-    return scene.read(steps.successful_ego_poses(0, RegisteredCaptures(), AlignedPriors(), proxy, collision))
+    return scene.read(
+        steps.successful_ego_poses(0, RegisteredCaptures(), AlignedPriors(), proxy, collision, INITIAL_ASSET)
+    )
 
 
 def test_a_trial_is_the_first_of_a_round(scene, round_rollouts):

@@ -89,7 +89,7 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         self._start: Start | None = None
         self._sight: Sight | None = None
         self.action_space = spaces.Box(-1.0, 1.0, (SIZE,), np.float32)
-        felt = proprioception_size(self._episode.composition)
+        felt = proprioception_size(len(self._episode.composition.qpos_address))
         observed = spaces.Dict(
             {
                 "head": spaces.Box(0, 255, (SIZE_PX[1], SIZE_PX[0], 3), np.uint8),

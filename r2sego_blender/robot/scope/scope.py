@@ -14,7 +14,7 @@ from ..behaviours.registry import BEHAVIOURS
 from .region import problem_of
 
 FREE_FLOOR = "free_floor"
-CONTROLLERS = ("reference", "policy", "replay")
+CONTROLLERS = ("reference", "policy", "replay", "student")
 LAYOUTS = Path(__file__).parents[1] / "policies"
 """The observation layouts that come with the library."""
 
@@ -81,9 +81,13 @@ class Control:
     """The behaviour controller; its files lie beside the scope's."""
 
     kind: str = setting(
-        "reference", "Reference motions tracked, a learned policy, or recorded motions replayed.", choices=CONTROLLERS
+        "reference",
+        "Reference motions tracked, a learned policy, recorded motions replayed, or a student that sees.",
+        choices=CONTROLLERS,
     )
-    file: str = setting("", "The policy: ONNX, or TorchScript, which can run code of its maker's.", read=_file)
+    file: str = setting(
+        "", "The policy: ONNX, or TorchScript, which can run code of its maker's. The student: ONNX.", read=_file
+    )
     layout: str = setting("", "The policy's observation layout: a shipped one's name, or a TOML file.", read=_layout)
     motions: tuple[str, ...] = setting((), "The recorded motions.", read=_motions)
     tracker: str = setting(
