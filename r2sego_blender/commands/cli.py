@@ -20,7 +20,22 @@ from ..core.progress import JsonProgress
 from ..core.resources import available_cores, require_addresses
 from ..workers.cancelling import cancel_at_once
 from ..workers.engine import GOING_ON
-from . import asset, backends, bench, captures, demo, policy, proxy, results, robot, scene, splats, trials, views
+from . import (
+    asset,
+    backends,
+    bench,
+    captures,
+    demo,
+    experiments,
+    policy,
+    proxy,
+    results,
+    robot,
+    scene,
+    splats,
+    trials,
+    views,
+)
 from .options import Commands
 
 
@@ -75,6 +90,22 @@ def main(context: click.Context) -> None:
     cancel_at_once("finished steps are kept" if context.invoked_subcommand in GOING_ON else "")
 
 
-for about in (scene, demo, captures, proxy, robot, views, asset, results, splats, policy, trials, bench, backends):
+_ABOUT = (
+    scene,
+    demo,
+    captures,
+    proxy,
+    robot,
+    views,
+    asset,
+    results,
+    experiments,
+    splats,
+    policy,
+    trials,
+    bench,
+    backends,
+)
+for about in _ABOUT:
     for command in about.COMMANDS:
         main.add_command(command)

@@ -1,7 +1,7 @@
 """The numbers of TWIST2's policy: gains and defaults of the G1's joints, and what it observes.
 
-From amazon-far/TWIST2 at d5c7108e (MIT): ``deploy_real/server_low_level_g1_sim.py`` for proprioception, history and
-servos, ``deploy_real/server_motion_lib.py`` for what it is told of a motion. Joints are in MuJoCo's order.
+From amazon-far/TWIST2 at d5c7108e (MIT), folder deploy_real: server_low_level_g1_sim for proprioception, history and
+servos, server_motion_lib for what it is told of a motion. Joints are in MuJoCo's order.
 """
 
 from __future__ import annotations
