@@ -12,6 +12,7 @@ from ..robot.model.mount import CameraMount
 from ..splats.asset import SplatAsset
 from ..splats.kernels.packing import PackedGaussians
 from ..views.head_image import HeadCamera, HeadView
+from ..views.room_looks import SplatLooks
 
 
 @dataclass(frozen=True)
@@ -35,4 +36,4 @@ class HeadSight:
 
     @cached_property
     def _camera(self) -> HeadCamera:
-        return HeadCamera(PackedGaussians.of(self.asset), self._model)
+        return HeadCamera(SplatLooks(PackedGaussians.of(self.asset)), self._model)

@@ -17,7 +17,9 @@ from ..model.composition import compile_scene, scene_spec
 from .free_floor import CELL_M, FreeFloor
 
 _CELL_M = 0.025
-_TURN_M = 0.5  # a turn by a radian counts like a step of this, where places to sit are compared
+TURN_M = 0.5
+"""A turn by a radian counts like a step of this, where places to sit are compared."""
+
 # Heights are looked for downwards from here: what hangs higher is above a seated head.
 _FROM_M = 1.25
 _MARGIN_M = 0.6
@@ -78,7 +80,7 @@ def _in_the_middle(places: Sequence[Seat]) -> Seat:
     edges = np.array([seat.edge_m for seat in places])
     yaws = np.array([seat.yaw_rad for seat in places])
     turns = np.abs(np.angle(np.exp(1j * (yaws[:, None] - yaws))))
-    apart = np.linalg.norm(edges[:, None] - edges, axis=2) + _TURN_M * turns
+    apart = np.linalg.norm(edges[:, None] - edges, axis=2) + TURN_M * turns
     return places[int(apart.sum(axis=1).argmin())]
 
 
