@@ -46,10 +46,12 @@ _STEP_THERE_M, _STEP_THERE_RAD = 0.6, 1.2
 _TURNED_RAD, _LATERAL_M = 0.06, 0.04
 # Backing up is given up beyond these, and begun from within their halves.
 _ASTRAY_RAD, _ASTRAY_M = 0.35, 0.16
-_BEFORE_SEAT_M = 0.02
+_BEFORE_SEAT_M, _LEFT_SEAT_M = 0.05, 0.1
 _SIT_WITHIN_RAD, _SIT_WITHIN_M = 0.12, 0.06
 _DEEPER_A_TRY_M, _MOST_DEEPER_M = 0.05, 0.1
 _PATIENCE_S, _LOST_SEAT_S = 4.0, 1.5
+# Who backs up for longer leans against something.
+_BACKING_S = 6.0
 # About to face away from the seat, a robot that has it straight ahead turns to the left.
 _EITHER_SIDE_RAD = 2.6
 
@@ -140,7 +142,9 @@ def following(phase: Phase, state: PrivilegedState, seat: Seat, standing_m: floa
             return replace(begun(state, seat, standing_m), tries=phase.tries)
         case Name.BACK_UP if before and frame.along_m < 0.02:  # at the edge, and not aligned
             return replace(phase, name=Name.STEP_AHEAD, since_s=now)
-        case Name.SIT | Name.HOLD if frame.along_m > stand_off_m(phase) + 4.0 * _BEFORE_SEAT_M:
+        case Name.BACK_UP if now - phase.since_s > _BACKING_S:
+            return replace(phase, name=Name.STEP_AHEAD, since_s=now)
+        case Name.SIT | Name.HOLD if frame.along_m > stand_off_m(phase) + _LEFT_SEAT_M:
             return replace(phase, name=Name.BACK_UP, since_s=now)
         case Name.BACK_UP if frame.along_m > seat.approach_m + _LEFT_M:
             return replace(begun(state, seat, standing_m), tries=phase.tries)

@@ -23,6 +23,7 @@ _CRUISE_M_S, _SLOWEST_M_S, _BACK_M_S = 0.5, 0.08, 0.2
 # Obstacles so near slow it down: 1/s.
 _CLEARANCE_GAIN = 2.0
 _STOP_M = 0.1
+_BEYOND_M = 0.05
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ class Teacher:
             case Name.STEP_AHEAD:
                 return self._within(self._towards(turning_place, state, _BACK_M_S)), now
             case Name.BACK_UP:
-                wanted = seat.ahead(stand_off_m(now))
+                wanted = seat.ahead(stand_off_m(now) - _BEYOND_M)  # it does not slow down before it is there
                 moved = self._towards(wanted, state, _BACK_M_S)
                 return self._within(_Velocity(moved.ahead, moved.left, _TURN_GAIN * frame.error_rad)), now
             case Name.TURN:
