@@ -36,8 +36,11 @@ def test_cameras_are_where_heads_can_be_and_see_more_than_as_many_drawn_ones():
     mesh = mesh_of(ROOM, CELL_M)
     chosen = list(head_cameras(mesh, FLOOR, 6))
     for camera in chosen:
-        assert 0.75 <= camera.centre[2] <= 1.4 and FLOOR.at(camera.centre[None, :2])[0] >= 0.1
-        assert camera.forward[2] <= 1e-9
+        assert 0.75 <= camera.centre[2] <= 1.4 and camera.forward[2] <= 1e-9
+        assert (camera.centre[:2] >= LOW).all() and (camera.centre[:2] <= HIGH).all()
+        depth_m = mesh.texels_seen(camera)[1].depth
+        assert depth_m[depth_m > 0.0].min() > 0.25
+    assert any(FLOOR.at(camera.centre[None, :2])[0] >= 0.1 for camera in chosen)
     again = list(head_cameras(mesh, FLOOR, 6))
     for one, other in zip(chosen, again, strict=True):
         np.testing.assert_array_equal(one.world_from_camera, other.world_from_camera)
