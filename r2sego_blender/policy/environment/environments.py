@@ -126,7 +126,8 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin an episode, drawn by ``seed`` alone if it is given.
 
-        ``options`` may have the ``start`` (x, y, yaw) of the base, metres and radians, in place of the drawn one.
+        ``options`` may have the ``start`` (x, y, yaw) of the base, metres and radians, in place of the drawn one,
+        or ``look_around``, "anywhere" or "near_target", for any heading and no way ahead.
         """
         super().reset(seed=seed)
         start = draw_start(self.scene, self.sits, self._chairs, self.np_random)
@@ -135,6 +136,8 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         drawn = self._randomization.drawn(self.np_random, HeadView.of(self.scene.robot))
         if options and "start" in options:
             start = start.at(*_start_of(options["start"]))
+        elif options and "look_around" in options:
+            start = start.looking_around(options["look_around"] == "near_target", self.np_random)
         self._start, self._drawn = start, drawn
         self._episode.start(start, drawn)
         self._steps, self._last_action = 0, np.zeros(SIZE, np.float32)
