@@ -91,7 +91,8 @@ def _lines(told: dict[str, Any]) -> list[str]:
         f"{cell['state']:<6} {cell['name']}" + f": {cell.get('failure', '')}".rstrip(": ") for cell in told["cells"]
     ]
     done = sum(cell["state"] == "done" for cell in told["cells"])
-    return [*lines, f"{done} of {len(lines)} cells done; tables: {Path(told['folder'], MARKDOWN)}"]
+    tables = Path(told["folder"], MARKDOWN)
+    return [*lines, f"{done} of {len(lines)} cells done" + (f"; tables: {tables}" if tables.is_file() else "")]
 
 
 COMMANDS = (experiment, reproduce)
