@@ -29,19 +29,21 @@ STUDENT_ONNX = "student.onnx"
 class Task:
     """What is trained and evaluated in: a scene's room, seen through ``asset``, its own if that is ''.
 
-    Without ``chairs``, names of ``environment.chairs.CHAIRS``, the robot sits down on the room's own seats.
+    Without ``chairs``, names of ``environment.chairs.CHAIRS``, the robot sits down on the room's own seats. With
+    ``reference``, a reference room's folder, episodes take place there and begin as in the scene.
     """
 
     scene: Path
     asset: str = ""
     chairs: tuple[str, ...] = ()
+    reference: str = ""
 
     def environment(self) -> SitEnv:
         """The environment. Raises MachineError without the extra ``policy``, and what ``SitEnv`` raises."""
         policy_package("gymnasium")
         from .environment.environments import SitEnv
 
-        return SitEnv(self.scene, asset=self.asset, chairs=self.chairs)
+        return SitEnv(self.scene, asset=self.asset, chairs=self.chairs, reference=self.reference)
 
 
 def settings_of(overrides: Mapping[str, str]) -> DaggerSettings:
@@ -108,6 +110,7 @@ def lines(task: Task, policy: str | Path, found: Evaluation) -> Iterator[str]:
     """An evaluation for a person."""
     what = "the teacher, which knows the true state" if policy == TEACHER else f"the student of {policy}"
     on = f"on a {', a '.join(task.chairs)}" if task.chairs else "on the room's own seats"
-    yield f"{what}, in {task.scene.name}{f' seen through {task.asset}' if task.asset else ''}, {on}:"
+    where = f"the reference room {task.reference}" if task.reference else task.scene.name
+    yield f"{what}, in {where}{f' seen through {task.asset}' if task.asset else ''}, {on}:"
     yield str(found)
     yield "driven by the embedded assisted controller: the helping force on the base is the mean assist"

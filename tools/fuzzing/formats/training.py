@@ -1,4 +1,4 @@
-"""What a training of a policy leaves: recorded episodes and checkpoints."""
+"""What a training of a policy leaves, recorded episodes and checkpoints, and the light it is tested in."""
 
 from __future__ import annotations
 
@@ -59,7 +59,25 @@ def _read_checkpoint(folder: Path) -> Any:
     return place, {name: tensor.numpy() for name, tensor in student.state_dict().items()}
 
 
+def _light_field(folder: Path) -> None:
+    from r2sego_blender.geometry.texture.surface_light_field import SurfaceLightField
+
+    vertices = np.array([[-1, -1, 2], [1, -1, 2], [1, 1, 2], [-1, 1, 2]], np.float32)
+    faces, texels = (np.array(rows, np.int32) for rows in ([[0, 1, 2], [0, 2, 3]], [[3, 2], [2, 2]]))
+    light = np.linspace(-1.0, 2.0, 10 * 4 * 3, dtype=np.float32).reshape(10, 4, 3)
+    SurfaceLightField(vertices, faces, texels, light, np.zeros(3, np.float32)).save(folder / "light.npz")
+
+
+def _read_light_field(folder: Path) -> Any:
+    from r2sego_blender.core.cameras import Camera
+    from r2sego_blender.geometry.texture.surface_light_field import SurfaceLightField
+
+    field = SurfaceLightField.load(folder / "light.npz")
+    return field, field.render(Camera(8, 6, 6.0, 6.0, 4.0, 3.0, np.eye(4)))
+
+
 HARNESSES = (
+    Harness("training/light", _light_field, "light.npz", "npz", _read_light_field),
     Harness("training/episode", _episode, "000000/steps.npz", "npz", _read_episode),
     Harness("training/pictures", _episode, "000000/pictures.raw", "bytes", _read_episode, share=0.2),
     Harness("training/checkpoint", _checkpoint, "checkpoint.npz", "npz", _read_checkpoint, share=0.05),
