@@ -63,6 +63,19 @@ def evaluate(
     output.show(dataclasses.asdict(found), lambda _: [*lines(task, which, found)])
 
 
+@policy.command()
+@click.argument("folder", type=FOLDER)
+@click.option("--to", required=True, type=FOLDER, help="Folder to write into.")
+@output_options("--json-progress")
+def export(folder: Path, to: Path, output: Output) -> None:
+    """Write the student of a training FOLDER as student.onnx, and what the teacher showed it as a LeRobot dataset."""
+    from ..policy.exporting import DEMONSTRATIONS, export_training
+
+    file = export_training(folder, to)
+    told = {"student": str(file), "demonstrations": str(to / DEMONSTRATIONS)}
+    output.show(told, lambda said: [f"{name}: {where}" for name, where in said.items()])
+
+
 def _names(text: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split(",") if name.strip())
 

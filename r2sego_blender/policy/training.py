@@ -9,20 +9,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..bundle.scene import Scene
 from ..config.declared_files import Reader, did_you_mean
 from ..config.fields import fields_of
 from ..core.errors import SettingsError
+from ..core.json_files import write_json
 from ..core.progress import SILENT, Progress
 from .dagger.settings import DaggerSettings
 from .packages import policy_package
 
 if TYPE_CHECKING:
+    from .dagger.episodes import Outcome
     from .dagger.evaluation import Evaluation
     from .environment.environments import SitEnv
 
 TEACHER = "teacher"
 """In place of a training's folder: the privileged teacher."""
 STUDENT_ONNX = "student.onnx"
+TRAINED_IN = "trained_in.json"
+"""Of what scene, asset, chairs and robot a training's folder is."""
 
 
 @dataclass(frozen=True)
@@ -74,15 +79,18 @@ def train_policy(task: Task, folder: Path, settings: DaggerSettings, progress: P
     from .student.onnx_export import export_onnx
 
     episodes = BundleEpisodes(env)
+    folder.mkdir(parents=True, exist_ok=True)
+    where = {"scene": task.scene.name, "asset": Path(task.asset).name, "chairs": task.chairs}
+    write_json(folder / TRAINED_IN, {**where, "robot": Scene.open(task.scene).declaration.robot})
     student = train_student(episodes, episodes, settings, folder, env.limits, progress)
     export_onnx(student, folder / STUDENT_ONNX)
     return folder / STUDENT_ONNX
 
 
-def evaluate_policy(
+def policy_outcomes(
     task: Task, policy: str | Path, episodes: int, seed: int, progress: Progress = SILENT
-) -> Evaluation:
-    """How often a training's student, or the teacher, sits down in so many episodes of its own.
+) -> Iterator[Outcome]:
+    """How so many episodes end in which a training's student, or the teacher, acts.
 
     Episodes are drawn by ``seed`` and differ from those of trainings. Raises MachineError where the folder
     ``policy`` has no checkpoint that can be read.
@@ -91,14 +99,23 @@ def evaluate_policy(
     from .dagger.acting import outcomes, taught_outcomes
     from .dagger.bundle_episodes import BundleEpisodes
     from .dagger.checkpoints import load_student
-    from .dagger.evaluation import Evaluation
     from .dagger.loop import CHECKPOINT
 
     room = BundleEpisodes(env)
     seeds = progress.track(evaluation_seeds(seed, episodes), "Episodes", episodes)
     if policy == TEACHER:
-        return Evaluation.of(taught_outcomes(room, room, env.limits, iter(seeds)))
-    return Evaluation.of(outcomes(room, load_student(Path(policy) / CHECKPOINT), iter(seeds)))
+        yield from taught_outcomes(room, room, env.limits, iter(seeds))
+    else:
+        yield from outcomes(room, load_student(Path(policy) / CHECKPOINT), iter(seeds))
+
+
+def evaluate_policy(
+    task: Task, policy: str | Path, episodes: int, seed: int, progress: Progress = SILENT
+) -> Evaluation:
+    """How often ``policy_outcomes`` are successes."""
+    from .dagger.evaluation import Evaluation
+
+    return Evaluation.of(policy_outcomes(task, policy, episodes, seed, progress))
 
 
 def evaluation_seeds(seed: int, count: int) -> Sequence[int]:

@@ -28,6 +28,9 @@ class DotEnvironment:
         self._seated = False
         return self._observation(), self._state()
 
+    def view(self, seed: int, near_target: bool) -> tuple[dict[str, np.ndarray], PrivilegedState]:
+        return self.reset(seed)
+
     def step(self, action: np.ndarray) -> tuple[dict[str, np.ndarray], PrivilegedState, bool]:
         assert action.shape == (4,)
         assert np.abs(action).max() <= 1.0
@@ -47,9 +50,9 @@ class DotEnvironment:
         return {"head": picture, "proprio": np.array([self._count / _STEPS, 1.0], np.float32)}
 
     def _state(self) -> PrivilegedState:
-        goal = 2.0 * np.array([math.cos(self._bearing), math.sin(self._bearing)])
+        goal = np.array([2.0, 0.0])  # in the world the robot turns, and the dot stays
         return PrivilegedState(
-            np.zeros(2), 0.0, 0.7, None, goal, self._seated, 0.0, 0.1 * self._count, 3.0, self._failure
+            np.zeros(2), -self._bearing, 0.7, None, goal, self._seated, 0.0, 0.1 * self._count, 3.0, self._failure
         )
 
 
@@ -57,6 +60,6 @@ class DotTeacher:
     """Turns to the dot, and sits once it is ahead."""
 
     def label(self, state: PrivilegedState, phase: Any = None) -> tuple[DriveCommand, Any]:
-        bearing = math.atan2(state.goal_xy_m[1], state.goal_xy_m[0])
+        bearing = math.atan2(state.goal_xy_m[1], state.goal_xy_m[0]) - state.yaw_rad
         rate = 0.9 * max(-1.0, min(1.0, bearing / _STEP_RAD))
         return DriveCommand(0.0, 0.0, rate, abs(bearing) < 0.6 * _ALIGNED_RAD), None

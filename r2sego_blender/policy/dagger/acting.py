@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import torch
@@ -11,7 +11,7 @@ from ...robot.controllers.commanded_drive import DriveLimits
 from ...robot.controllers.drive_actions import action_of
 from ..environment.state import PrivilegedState
 from ..student.network import Acting, Student
-from ..student.targets import seat_target
+from ..student.targets import pose_of, seat_target
 from .episodes import Episode, Outcome
 from .interfaces import Environment, Observation, Teacher
 from .settings import DaggerSettings
@@ -54,15 +54,32 @@ def labelled_episode(
     while not done:
         command, phase = teacher.label(state, phase)
         label = action_of(command, limits)
-        # The next step may write into the same arrays.
-        seen = np.array(observation["head"]), np.array(observation["proprio"], np.float32)
-        steps.append((*seen, label, seat_target(state)))
+        steps.append(_recorded(observation, label, state))
         if len(steps) % settings.turns_steps == 1 or settings.turns_steps == 1:
             teacher_drives = bool(rng.random() < beta)
         own = None if actor is None else actor.act(observation)
         observation, state, done = environment.step(label if own is None or teacher_drives else own)
-    pictures, proprio, actions, seat = (np.stack(column) for column in zip(*steps, strict=True))
-    return Episode(pictures, proprio, actions, seat, outcome_of(state, seed, len(steps)))
+    return _episode(steps, outcome_of(state, seed, len(steps)))
+
+
+def labelled_views(environment: Environment, teacher: Teacher, seeds: Sequence[int], limits: DriveLimits) -> Episode:
+    """What is seen at the beginning of episodes ``seeds``, every second near the target, as the steps of one."""
+    views = []
+    for number, seed in enumerate(seeds):
+        observation, state = environment.view(seed, near_target=number % 2 == 1)
+        views.append(_recorded(observation, action_of(teacher.label(state)[0], limits), state))
+    return _episode(views, Outcome(seeds[0], "", len(views), 0.0))
+
+
+def _episode(steps: Sequence[tuple[np.ndarray, ...]], outcome: Outcome) -> Episode:
+    pictures, proprio, actions, seat, poses = (np.stack(column) for column in zip(*steps, strict=True))
+    return Episode(pictures, proprio, actions, seat, poses, outcome)
+
+
+def _recorded(observation: Observation, label: np.ndarray, state: PrivilegedState) -> tuple[np.ndarray, ...]:
+    """Picture, proprioception, action, seat and pose of an Episode's step: the next may write into the same arrays."""
+    seen = np.array(observation["head"]), np.array(observation["proprio"], np.float32)
+    return *seen, label, seat_target(state), pose_of(state)
 
 
 def outcomes(environment: Environment, student: Student, seeds: Iterable[int]) -> Iterator[Outcome]:

@@ -23,10 +23,11 @@ class BundleEpisodes:
 
     def reset(self, seed: int) -> tuple[Observation, PrivilegedState]:
         """Begin episode ``seed``."""
-        observation, info = self._env.reset(seed=seed)
-        if self._env.floor is not self._teacher.floor:
-            self._teacher = self._teacher_of(self._env)
-        return observation, info["state"]
+        return self._begun(seed, {})
+
+    def view(self, seed: int, near_target: bool) -> tuple[Observation, PrivilegedState]:
+        """Begin episode ``seed`` facing anywhere, and where ``near_target`` from around the seat."""
+        return self._begun(seed, {"look_around": "near_target" if near_target else "anywhere"})
 
     def step(self, action: np.ndarray) -> tuple[Observation, PrivilegedState, bool]:
         """Do ``action`` (4,); the last says whether the episode is over."""
@@ -36,6 +37,12 @@ class BundleEpisodes:
     def label(self, state: PrivilegedState, phase: Any = None) -> tuple[DriveCommand, Any]:
         """What the teacher does in ``state`` of the present episode."""
         return self._teacher.label(state, phase)
+
+    def _begun(self, seed: int, options: dict[str, Any]) -> tuple[Observation, PrivilegedState]:
+        observation, info = self._env.reset(seed=seed, options=options)
+        if self._env.floor is not self._teacher.floor:
+            self._teacher = self._teacher_of(self._env)
+        return observation, info["state"]
 
     @staticmethod
     def _teacher_of(env: SitEnv | WalkEnv) -> Teacher:

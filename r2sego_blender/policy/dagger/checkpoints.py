@@ -24,8 +24,12 @@ _MOMENTS = ("step", "exp_avg", "exp_avg_sq")
 
 @dataclass(frozen=True)
 class Place:
-    """Where a training is: ``epochs`` passes after ``iteration`` are made, ``updates`` in all."""
+    """Where a training is: ``eye_epochs`` passes of the eye and ``epochs`` after ``iteration`` are made.
 
+    ``updates`` are those of all passes.
+    """
+
+    eye_epochs: int = 0
     iteration: int = 0
     epochs: int = 0
     updates: int = 0
@@ -52,18 +56,18 @@ def load_checkpoint(file: Path, student: Student, optimizer: torch.optim.Adam, s
         said = parse_json(str(arrays["said"]))
         same = said["settings"] == dataclasses.asdict(settings)
         place = Place(*(int(said[field.name]) for field in dataclasses.fields(Place)))
-        if same and not (0 <= place.iteration <= settings.iterations and min(place.epochs, place.updates) >= 0):
+        if same and not (place.iteration <= settings.iterations and min(dataclasses.astuple(place)) >= 0):
             raise ValueError(f"{place} is none of the settings'")
         student.load_state_dict({name: _like(arrays, f"weights/{name}", t) for name, t in student.state_dict().items()})
         state = optimizer.state_dict()
-        if place.updates:
-            state["state"] = {
-                index: {
-                    name: _like(arrays, f"adam/{index}/{name}", torch.zeros(()) if name == "step" else weights)
-                    for name in _MOMENTS
-                }
-                for index, weights in enumerate(student.parameters())
+        state["state"] = {
+            index: {
+                name: _like(arrays, f"adam/{index}/{name}", torch.zeros(()) if name == "step" else weights)
+                for name in _MOMENTS
             }
+            for index, weights in enumerate(student.parameters())
+            if f"adam/{index}/step" in arrays  # what has not learnt yet has none
+        }
         optimizer.load_state_dict(state)
     if not same:
         raise SettingsError(
@@ -78,6 +82,12 @@ def load_student(file: Path) -> Student:
         student = Student(len(arrays["weights/proprio_mean"]))
         student.load_state_dict({name: _like(arrays, f"weights/{name}", t) for name, t in student.state_dict().items()})
     return student.eval()
+
+
+def load_settings(file: Path) -> DaggerSettings:
+    """The settings of a checkpoint's training. Raises MachineError where it is damaged."""
+    with opened_arrays(file, MachineError, _DAMAGED, _CURE) as arrays:
+        return DaggerSettings(**parse_json(str(arrays["said"]))["settings"])
 
 
 def _like(arrays: Arrays, name: str, tensor: torch.Tensor) -> torch.Tensor:

@@ -11,7 +11,7 @@ import numpy as np
 from ...core.arrays import opened_arrays, require_finite, require_indices, require_shapes, save_arrays
 from ...core.atomic_files import UNFINISHED, remove, rename, swap_in
 from ...core.errors import MachineError
-from ..student.targets import PICTURE_SHAPE, SEAT_TARGETS
+from ..student.targets import PICTURE_SHAPE, POSE_SIZE, SEAT_TARGETS
 
 
 @dataclass(frozen=True)
@@ -29,13 +29,14 @@ class Episode:
     """T steps of an episode, each with what the teacher would have done.
 
     ``pictures`` (T, 96, 128, 3) uint8; ``proprio`` (T, P), ``actions`` (T, 4) of the teacher, ``seat``
-    (T, SEAT_TARGETS), nan for none: float32.
+    (T, SEAT_TARGETS), nan for none, and ``poses`` (T, POSE_SIZE) of the base: float32.
     """
 
     pictures: np.ndarray
     proprio: np.ndarray
     actions: np.ndarray
     seat: np.ndarray
+    poses: np.ndarray
     outcome: Outcome
 
     def __len__(self) -> int:
@@ -71,6 +72,7 @@ class EpisodeStore:
             proprio=episode.proprio,
             actions=episode.actions,
             seat=episode.seat,
+            poses=episode.poses,
             seed=np.array([outcome.seed]),
             mean_assist_n=np.array([outcome.mean_assist_n]),
             failure=np.array(outcome.failure),
@@ -82,16 +84,17 @@ class EpisodeStore:
         """The episode ``number``, its pictures mapped. Raises MachineError where its files are damaged."""
         place = self._place(number)
         with opened_arrays(place / _REST, MachineError, _DAMAGED, _CURE) as arrays:
-            rest = {name: arrays[name] for name in ("proprio", "actions", "seat", "seed", "mean_assist_n")}
-            require_shapes(rest, proprio="T P", actions="T 4", seat=f"T {SEAT_TARGETS}", seed="1", mean_assist_n="1")
+            rest = {name: arrays[name] for name in ("proprio", "actions", "seat", "poses", "seed", "mean_assist_n")}
+            steps = {"proprio": "T P", "actions": "T 4", "seat": f"T {SEAT_TARGETS}", "poses": f"T {POSE_SIZE}"}
+            require_shapes(rest, **steps, seed="1", mean_assist_n="1")
             known = np.where(np.isnan(rest["seat"]), 0.0, rest["seat"])
-            require_finite(proprio=rest["proprio"], actions=rest["actions"], seat=known)
+            require_finite(proprio=rest["proprio"], actions=rest["actions"], seat=known, poses=rest["poses"])
             require_finite(mean_assist_n=rest["mean_assist_n"])
             require_indices(1 << 63, seed=rest["seed"])
             failure, assist_n = str(arrays["failure"]), float(rest["mean_assist_n"][0])
             outcome = Outcome(int(rest["seed"][0]), failure, len(known), assist_n)
         pictures = _mapped(place / _PICTURES, (len(rest["actions"]), *PICTURE_SHAPE))
-        return Episode(pictures, rest["proprio"], rest["actions"], rest["seat"], outcome)
+        return Episode(pictures, rest["proprio"], rest["actions"], rest["seat"], rest["poses"], outcome)
 
     def _place(self, number: int) -> Path:
         return self._folder / f"{number:06d}"

@@ -20,6 +20,9 @@ class Environment(Protocol):
     def reset(self, seed: int) -> tuple[Observation, PrivilegedState]:
         """Begin episode ``seed``."""
 
+    def view(self, seed: int, near_target: bool) -> tuple[Observation, PrivilegedState]:
+        """Begin episode ``seed`` facing anywhere, or near the target: for what is seen from there."""
+
     def step(self, action: np.ndarray) -> tuple[Observation, PrivilegedState, bool]:
         """Do ``action`` (4,) float32 in [-1, 1] for a tenth of a second; the last says that the episode is over.
 

@@ -1,29 +1,32 @@
-"""The loop of DAgger: the teacher's episodes, then mixed ones, learnt again after each iteration."""
+"""The loop of DAgger: the eye learns first, then the student from the teacher's episodes and from mixed ones."""
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
-from ...core.progress import SILENT, Progress
+from ...core.progress import SILENT, Progress, Task
 from ...robot.controllers.commanded_drive import DriveLimits
 from ..packages import policy_package
 from ..student.network import Student
-from .acting import labelled_episode
+from .acting import labelled_episode, labelled_views
 from .checkpoints import Place, load_checkpoint, save_checkpoint
 from .episodes import EpisodeStore
 from .evaluation import Evaluation
 from .interfaces import Environment, Teacher
-from .learning import Losses, learn, scale_proprio
+from .learning import SeenEpisode, learn, scale
+from .localization import localize
+from .losses import Means
 from .settings import DaggerSettings
 
 CHECKPOINT = "checkpoint.npz"
+_VIEWS_A_FILE = 250
 
 
 def train_student(
@@ -46,10 +49,19 @@ def train_student(
         run = _Run.begin(environment, teacher, settings, limits or DriveLimits(), folder)
         log = writer.SummaryWriter(str(folder / "logs"), purge_step=run.place.updates)
         stack.callback(log.close)
+        run.collect_views(progress)
+        run.collect(0, progress, log)
+        run.learn_to_see(progress, log)
         for iteration in range(run.place.iteration, settings.iterations + 1):
-            run.collect(iteration, progress, log)
+            if iteration > 0:
+                run.collect(iteration, progress, log)
             run.learn(iteration, progress, log)
     return run.student.eval()
+
+
+def view_seed(settings: DaggerSettings, number: int) -> int:
+    """The seed of a training's view ``number``."""
+    return int(np.random.SeedSequence([settings.seed, number, 2]).generate_state(1)[0])
 
 
 def episode_seed(settings: DaggerSettings, number: int) -> int:
@@ -75,9 +87,11 @@ class _Run:
     limits: DriveLimits
     folder: Path
     store: EpisodeStore
+    views: EpisodeStore
     student: Student
     optimizer: torch.optim.Adam
     place: Place
+    seen: list[SeenEpisode] = field(default_factory=list)
 
     @staticmethod
     def begin(
@@ -96,12 +110,22 @@ class _Run:
         else:
             place = Place()
             save_checkpoint(file, student, optimizer, place, settings)
-        store = EpisodeStore(folder / "episodes")
-        return _Run(environment, teacher, settings, limits, folder, store, student, optimizer, place)
+        store, views = EpisodeStore(folder / "episodes"), EpisodeStore(folder / "views")
+        return _Run(environment, teacher, settings, limits, folder, store, views, student, optimizer, place)
 
     def count(self, iteration: int) -> int:
         """Episodes when those of ``iteration`` are there."""
         return self.settings.teacher_episodes + iteration * self.settings.episodes
+
+    def collect_views(self, progress: Progress) -> None:
+        """Record the views that are not there yet."""
+        for number, seeds in enumerate(progress.track(self._view_seeds(), "Views")):
+            if number not in self.views:
+                self.views.add(number, labelled_views(self.environment, self.teacher, seeds, self.limits))
+
+    def _view_seeds(self) -> list[list[int]]:
+        seeds = [view_seed(self.settings, number) for number in range(self.settings.views)]
+        return [seeds[begin : begin + _VIEWS_A_FILE] for begin in range(0, len(seeds), _VIEWS_A_FILE)]
 
     def collect(self, iteration: int, progress: Progress, log: Any) -> None:
         """Record the episodes of ``iteration`` that are not there yet."""
@@ -118,23 +142,48 @@ class _Run:
         log.add_scalar("episodes/success", evaluation.rate, self.place.updates)
         log.add_scalar("episodes/teacher_share", beta, self.place.updates)
         log.add_scalar("episodes/mean_assist_n", evaluation.mean_assist_n, self.place.updates)
-        if iteration == 0 and self.place == Place():
-            scale_proprio(self.student, [self.store[number] for number in numbers])
+
+    def learn_to_see(self, progress: Progress, log: Any) -> None:
+        """Let the eye learn where it is, from the views and the teacher's episodes; it stays so from then on."""
+        views = [self.views[number] for number in range(len(self._view_seeds()))]
+        taught = [self.store[number] for number in range(self.count(0))]
+        if self.place == Place():
+            scale(self.student, taught, views)
+        everything = [*views, *taught]
+        with progress.task(
+            "Seeing", (self.settings.eye_epochs - self.place.eye_epochs) * sum(map(len, everything))
+        ) as task:
+            for epoch in range(self.place.eye_epochs, self.settings.eye_epochs):
+                steps = localize(self.student, self.optimizer, everything, self.settings, epoch)
+                means = self._pass(steps, task, log)
+                self._keep(replace(self.place, eye_epochs=epoch + 1))
+                progress.message(f"pass {epoch + 1}/{self.settings.eye_epochs} of the eye: {means}")
 
     def learn(self, iteration: int, progress: Progress, log: Any) -> None:
         """Pass over all episodes as often as is left to do after ``iteration``, and keep each pass."""
-        settings, count = self.settings, self.count(iteration)
+        count, passes = self.count(iteration), self.settings.epochs_of(iteration)
         first = self.place.epochs if self.place.iteration == iteration else 0
-        passes = settings.epochs_of(iteration)
-        with progress.task(f"Learning {iteration}/{settings.iterations}", (passes - first) * count) as task:
+        self.seen += [SeenEpisode.of(self.store[number], self.student) for number in range(len(self.seen), count)]
+        with progress.task(f"Learning {iteration}/{self.settings.iterations}", (passes - first) * count) as task:
             for epoch in range(first, passes):
-                updates, before, means = self.place.updates, 0, Losses.none()
-                for done, losses in learn(self.student, self.optimizer, self.store, count, settings, iteration, epoch):
-                    task.advance(done - before)
-                    updates, before = updates + 1, done
-                    means = means.with_one(losses, updates - self.place.updates)
-                for name, value in vars(means).items():
-                    log.add_scalar(f"loss/{name}", value, updates)
-                self.place = Place(iteration, epoch + 1, updates)
-                save_checkpoint(self.folder / CHECKPOINT, self.student, self.optimizer, self.place, settings)
-                progress.message(f"pass {epoch + 1}/{passes} of iteration {iteration}: {means}")
+                steps = learn(self.student, self.optimizer, self.seen, self.settings, iteration, epoch)
+                means = self._pass(steps, task, log)
+                self._keep(replace(self.place, iteration=iteration, epochs=epoch + 1))
+            if first < passes:
+                progress.message(f"{passes} passes of iteration {iteration}: {means}")
+
+    def _pass(self, steps: Iterator[tuple[int, dict[str, float]]], task: Task, log: Any) -> Means:
+        """Make the updates of a pass, and log their means."""
+        means, before, updates = Means(), 0, self.place.updates
+        for done, figures in steps:
+            task.advance(done - before)
+            before, updates = done, updates + 1
+            means.add(figures)
+        for name, mean in means.items().items():
+            log.add_scalar(f"loss/{name}", mean, updates)
+        self.place = replace(self.place, updates=updates)
+        return means
+
+    def _keep(self, place: Place) -> None:
+        self.place = place
+        save_checkpoint(self.folder / CHECKPOINT, self.student, self.optimizer, place, self.settings)

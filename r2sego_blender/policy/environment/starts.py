@@ -20,6 +20,8 @@ from .training_scene import TrainingScene
 _TRIES = 2000  # a chair fits in few places of a small room
 # Before a chair a robot turns and steps back, as before the room's own seats.
 _APPROACH_M = np.arange(0.2, 1.0, 0.025)
+# Who looks around near the target stands in front of it, and so far to the side and beyond.
+_BEFORE_SEAT_M, _AROUND_M = (0.0, 1.0), 0.2
 _CHAIR_SURFACE = -1
 _HEADING_POINTS = 4  # of a path: whither it begins
 
@@ -50,6 +52,17 @@ class Start:
     def at(self, place_m: np.ndarray, heading_rad: float) -> Start:
         """The same from another place (2,)."""
         return replace(self, place_m=place_m, heading_rad=heading_rad)
+
+    def looking_around(self, near_target: bool, rng: np.random.Generator) -> Start:
+        """The same with any heading, and where ``near_target``, from around the seat or the goal."""
+        heading, offset = rng.uniform(-math.pi, math.pi), rng.normal(0.0, _AROUND_M, 2)
+        along_m = rng.uniform(*_BEFORE_SEAT_M)
+        place = self.place_m
+        if near_target and self.seat is not None:
+            place = self.seat.ahead(along_m) + offset
+        elif near_target and self.goal_m is not None:
+            place = self.goal_m + offset
+        return self.at(place, heading)
 
 
 def draw_start(scene: TrainingScene, sits: bool, chairs: Sequence[str], rng: np.random.Generator) -> Start:

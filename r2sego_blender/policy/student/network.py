@@ -12,8 +12,10 @@ from .targets import PICTURE_SHAPE, SEAT_TARGETS
 ACTION_SIZE = 4
 """vx, vy and yaw rate as shares of the drive's limits, and sit."""
 
-_CHANNELS = (16, 32, 48, 64)
-_FEATURES, _BODY, _STATE = 160, 64, 192
+FEATURES = 160
+"""Numbers that the eye makes of a picture."""
+
+_BODY, _STATE, _HIDDEN = 64, 192, 128
 # Proprioception farther from its mean than this many deviations says no more.
 _MOST_DEVIATIONS = 5.0
 
@@ -32,32 +34,34 @@ class Output(NamedTuple):
 
 
 class Student(nn.Module):
-    """Head images and proprioception to actions; about half a million parameters.
+    """Head images and proprioception to actions; half a million parameters.
 
-    ``proprio_mean`` and ``proprio_deviation`` (P,) are buffers that scale the proprioception: 0 and 1 until
-    they are set from data.
+    The eye is the convolutional network of Mnih et al. 2015 (Human-level control), for 96 x 128 pixels and with
+    fewer features. ``localizer`` says of them alone where the eye is, which it learns first: (N, 4) place less
+    ``place_mean`` in metres, cosine and sine of the heading, and (N, SEAT_TARGETS) the seat. ``proprio_mean`` and
+    ``proprio_deviation`` (P,) scale the proprioception; all three buffers are 0 or 1 until they are set from data.
     """
 
     proprio_mean: torch.Tensor
     proprio_deviation: torch.Tensor
+    place_mean: torch.Tensor
 
     def __init__(self, proprio_size: int) -> None:
         super().__init__()
         self.register_buffer("proprio_mean", torch.zeros(proprio_size))
         self.register_buffer("proprio_deviation", torch.ones(proprio_size))
-        layers: list[nn.Module] = []
-        before = PICTURE_SHAPE[2]
-        for index, channels in enumerate(_CHANNELS):
-            size = 5 if index == 0 else 3
-            layers += [nn.Conv2d(before, channels, size, stride=2, padding=size // 2), nn.ReLU()]
-            before = channels
-        layers += [nn.Conv2d(before, 24, 1), nn.ReLU(), nn.Flatten()]
-        cells = 24 * (PICTURE_SHAPE[0] >> len(_CHANNELS)) * (PICTURE_SHAPE[1] >> len(_CHANNELS))
-        self.eye = nn.Sequential(*layers, nn.Linear(cells, _FEATURES), nn.LayerNorm(_FEATURES), nn.ReLU())
+        self.register_buffer("place_mean", torch.zeros(2))
+        convolutions = (nn.Conv2d(3, 24, 8, 4, 2), nn.Conv2d(24, 48, 4, 2, 1), nn.Conv2d(48, 64, 3, 2, 1))
+        layers = [layer for one in (*convolutions, nn.Conv2d(64, 24, 1)) for layer in (one, nn.ReLU())]
+        cells = 24 * (PICTURE_SHAPE[0] // 16) * (PICTURE_SHAPE[1] // 16)
+        self.eye = nn.Sequential(*layers, nn.Flatten(), nn.Linear(cells, FEATURES), nn.LayerNorm(FEATURES), nn.ReLU())
+        where = 4 + SEAT_TARGETS
+        self.localizer = nn.Sequential(nn.Linear(FEATURES, 96), nn.ReLU(), nn.Linear(96, where))
         self.body = nn.Sequential(nn.Linear(proprio_size, _BODY), nn.ReLU())
-        self.memory = nn.GRU(_FEATURES + _BODY, _STATE, batch_first=True)
-        self.action = nn.Sequential(nn.Linear(_STATE + _FEATURES + _BODY, 96), nn.ReLU(), nn.Linear(96, ACTION_SIZE))
-        self.seat = nn.Linear(_STATE, SEAT_TARGETS)
+        self.memory = nn.GRU(FEATURES + where + _BODY, _STATE, batch_first=True)
+        known = _STATE + FEATURES + where + _BODY
+        self.action = nn.Sequential(nn.Linear(known, _HIDDEN), nn.ReLU(), nn.Linear(_HIDDEN, ACTION_SIZE))
+        self.seat = nn.Linear(known, SEAT_TARGETS)
 
     @property
     def proprio_size(self) -> int:
@@ -68,17 +72,24 @@ class Student(nn.Module):
         """The state (B, S) of ``sequences`` that begin."""
         return torch.zeros(sequences, _STATE)
 
-    def forward(self, rgb: torch.Tensor, proprio: torch.Tensor, state: torch.Tensor) -> Output:
-        """What it says of ``rgb`` (B, T, 96, 128, 3) uint8, ``proprio`` (B, T, P) float32 and ``state`` (B, S)."""
-        sequences, frames = rgb.shape[:2]
-        pictures = rgb.flatten(0, 1).permute(0, 3, 1, 2).to(torch.float32) / 127.5 - 1.0
-        seen = self.eye(pictures).unflatten(0, (sequences, frames))
+    def see(self, rgb: torch.Tensor) -> torch.Tensor:
+        """Features (N, FEATURES) of pictures (N, 96, 128, 3) uint8."""
+        features: torch.Tensor = self.eye(rgb.permute(0, 3, 1, 2).to(torch.float32) / 127.5 - 1.0)
+        return features
+
+    def follow(self, seen: torch.Tensor, proprio: torch.Tensor, state: torch.Tensor) -> Output:
+        """What it says of features (B, T, FEATURES), ``proprio`` (B, T, P) float32 and ``state`` (B, S)."""
         scaled = (proprio - self.proprio_mean) / self.proprio_deviation
         felt = self.body(scaled.clamp(-_MOST_DEVIATIONS, _MOST_DEVIATIONS))
-        now = torch.cat([seen, felt], dim=2)
+        now = torch.cat([seen, self.localizer(seen).detach(), felt], dim=2)
         remembered, last = self.memory(now, state[None])
-        said = self.action(torch.cat([remembered, now], dim=2))
-        return Output(said[..., :3], said[..., 3], self.seat(remembered), last[0])
+        known = torch.cat([remembered, now], dim=2)
+        said = self.action(known)
+        return Output(said[..., :3], said[..., 3], self.seat(known), last[0])
+
+    def forward(self, rgb: torch.Tensor, proprio: torch.Tensor, state: torch.Tensor) -> Output:
+        """What it says of ``rgb`` (B, T, 96, 128, 3) uint8, ``proprio`` (B, T, P) float32 and ``state`` (B, S)."""
+        return self.follow(self.see(rgb.flatten(0, 1)).unflatten(0, rgb.shape[:2]), proprio, state)
 
 
 class Acting(nn.Module):

@@ -1,4 +1,7 @@
-"""What a student is given, and what its auxiliary head learns: where the seat is. Needs NumPy alone."""
+"""What a student is given, and what its auxiliary heads learn: where the seat is, and where it stands itself.
+
+Needs NumPy alone.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +16,9 @@ PICTURE_SHAPE = (96, 128, 3)
 
 SEAT_TARGETS = 6
 """Distance in metres, sine and cosine of bearing and of heading, and whether the head looks that way."""
+
+POSE_SIZE = 3
+"""A base's place in the world frame, metres, and its heading in radians."""
 
 _HALF_VIEW_RAD = math.radians(45.0)
 _NEAREST_M = 0.4  # what is nearer lies below the picture
@@ -35,3 +41,8 @@ def seat_target(state: PrivilegedState) -> np.ndarray:
     in_view = abs(bearing) < _HALF_VIEW_RAD and distance_m > _NEAREST_M
     angles = (math.sin(bearing), math.cos(bearing), math.sin(heading), math.cos(heading))
     return np.array([distance_m, *angles, in_view], np.float32)
+
+
+def pose_of(state: PrivilegedState) -> np.ndarray:
+    """(POSE_SIZE,) float32 of the base."""
+    return np.array([*state.base_xy_m, state.yaw_rad], np.float32)

@@ -86,11 +86,12 @@ def test_onnx_says_what_torch_says_over_a_sequence(student, tmp_path: Path):
 
 
 def test_all_of_it_learns(student):
-    """Every weight has a gradient of commands, sitting and the seat's pose together."""
+    """Every weight has a gradient of where it is, commands, sitting and the seat's pose together."""
     learning = Student(PROPRIO)
     rgb, proprio = frames(3)
     output = learning(rgb, proprio, learning.start())
-    (output.commands.square().mean() + output.sit.square().mean() + output.seat.square().mean()).backward()
+    said = [*output[:3], learning.localizer(learning.see(rgb[0]))]
+    torch.stack([one.square().mean() for one in said]).sum().backward()
     assert all(weights.grad is not None and weights.grad.abs().max() > 0.0 for weights in learning.parameters())
     assert 0.4e6 < sum(weights.numel() for weights in learning.parameters()) < 0.6e6
 

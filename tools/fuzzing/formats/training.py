@@ -15,12 +15,13 @@ _STEPS, _PROPRIO = 3, 8
 
 def _episode(folder: Path) -> None:
     from r2sego_blender.policy.dagger.episodes import Episode, EpisodeStore, Outcome
-    from r2sego_blender.policy.student.targets import PICTURE_SHAPE, SEAT_TARGETS
+    from r2sego_blender.policy.student.targets import PICTURE_SHAPE, POSE_SIZE, SEAT_TARGETS
 
-    parts = (np.linspace(-1.0, 1.0, _STEPS * size).reshape(_STEPS, size) for size in (_PROPRIO, 4, SEAT_TARGETS))
-    proprio, actions, seat = (part.astype(np.float32) for part in parts)
+    sizes = _PROPRIO, 4, SEAT_TARGETS, POSE_SIZE
+    parts = (np.linspace(-1.0, 1.0, _STEPS * size).reshape(_STEPS, size) for size in sizes)
+    proprio, actions, seat, poses = (part.astype(np.float32) for part in parts)
     pictures = np.full((_STEPS, *PICTURE_SHAPE), 90, np.uint8)
-    EpisodeStore(folder).add(0, Episode(pictures, proprio, actions, seat, Outcome(7, "fall", _STEPS, 12.0)))
+    EpisodeStore(folder).add(0, Episode(pictures, proprio, actions, seat, poses, Outcome(7, "fall", _STEPS, 12.0)))
 
 
 def _read_episode(folder: Path) -> Any:

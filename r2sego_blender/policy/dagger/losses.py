@@ -1,0 +1,49 @@
+"""Losses that several stages of learning share, and their means over a pass."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import torch
+from torch.nn import functional
+
+SMALL = 0.1
+"""Errors beyond it, shares of a command's limit or of ``PLACE_M``, count by their size, not its square."""
+
+PLACE_M = 2.0
+"""Places and distances are learnt as multiples of it."""
+
+
+def seat_loss(said: torch.Tensor, seat: torch.Tensor, where: torch.Tensor) -> torch.Tensor:
+    """Of what a head says (N, SEAT_TARGETS) of ``seat``, which is nan for none: its pose ``where`` (N,) bool has it,
+    and whether it is in view."""
+    known = ~seat[:, 0].isnan()
+    if not known.any():
+        return said.new_zeros(())
+    loss = 0.2 * functional.binary_cross_entropy_with_logits(said[known, 5], seat[known, 5])
+    where = known & where
+    if where.any():
+        loss = loss + functional.smooth_l1_loss(said[where, 0], seat[where, 0] / PLACE_M)
+        loss = loss + functional.mse_loss(said[where, 1:5], seat[where, 1:5])
+    return loss
+
+
+class Means:
+    """Means of named figures over the updates of a pass."""
+
+    def __init__(self) -> None:
+        self._sums: dict[str, float] = {}
+        self._count = 0
+
+    def add(self, figures: Mapping[str, float]) -> None:
+        """Those of one more update."""
+        self._count += 1
+        for name, value in figures.items():
+            self._sums[name] = self._sums.get(name, 0.0) + value
+
+    def items(self) -> dict[str, float]:
+        """The means."""
+        return {name: total / self._count for name, total in self._sums.items()}
+
+    def __str__(self) -> str:
+        return ", ".join(f"{name} {mean:.4f}" for name, mean in self.items().items())
