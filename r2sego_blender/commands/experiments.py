@@ -1,4 +1,4 @@
-"""``r2sego experiment`` and ``reproduce``: scenes, capture counts, arms and seeds, run and put into tables."""
+"""``r2sego experiment``: scenes, capture counts, arms and seeds, run and put into tables."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ..experiments.plan import Plan
 
 
-def _run_options(command: Callable) -> Callable:
+def plan_options(command: Callable) -> Callable:
     """How an experiment is run."""
     options = (
         click.option("--out", "folder", required=True, type=FOLDER, help="Folder of the experiment, made if missing."),
@@ -38,7 +38,7 @@ def _run_options(command: Callable) -> Callable:
 
 @click.command()
 @click.argument("plan", type=ANY_PATH)
-@_run_options
+@plan_options
 def experiment(plan: Path, folder: Path, processes: int, dry_run: bool, output: Output) -> None:
     """Run every cell of the file PLAN that is not done yet, and write metrics.json, tables and figures.
 
@@ -47,23 +47,11 @@ def experiment(plan: Path, folder: Path, processes: int, dry_run: bool, output: 
     """
     from ..experiments.plan import Plan
 
-    _run(Plan.load(plan), folder, processes, dry_run, output)
+    run_plan(Plan.load(plan), folder, processes, dry_run, output)
 
 
-@click.command()
-@click.argument("what", type=click.Choice(("table1", "table2", "fig-captures")))
-@click.option("--data", required=True, type=FOLDER, help="Folder of scenes, each with a cameras.json.")
-@click.option("--scenes", default="", metavar="NAME,NAME", help="Of the scenes in the folder these alone.")
-@_run_options
-def reproduce(what: str, data: Path, scenes: str, folder: Path, processes: int, dry_run: bool, output: Output) -> None:
-    """Run a prepared plan of the paper's tables and figures on the scenes in --data, as `r2sego experiment` does."""
-    from ..experiments.prepared import prepared_plan
-
-    names = [name.strip() for name in scenes.split(",") if name.strip()]
-    _run(prepared_plan(what, data, names), folder, processes, dry_run, output)
-
-
-def _run(plan: Plan, folder: Path, processes: int, dry_run: bool, output: Output) -> None:
+def run_plan(plan: Plan, folder: Path, processes: int, dry_run: bool, output: Output) -> None:
+    """Run a plan's cells, or say which there are."""
     from ..experiments.experiment import Experiment, run_experiment
 
     if dry_run:
@@ -95,4 +83,4 @@ def _lines(told: dict[str, Any]) -> list[str]:
     return [*lines, f"{done} of {len(lines)} cells done" + (f"; tables: {tables}" if tables.is_file() else "")]
 
 
-COMMANDS = (experiment, reproduce)
+COMMANDS = (experiment,)

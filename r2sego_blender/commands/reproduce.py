@@ -1,4 +1,4 @@
-"""``r2sego reproduce``: the paper's tables, made anew on a scene of one's own."""
+"""``r2sego reproduce``: the paper's tables and its curve, made anew on scenes of one's own."""
 
 from __future__ import annotations
 
@@ -7,17 +7,45 @@ from typing import Any
 
 import click
 
+from .experiments import plan_options, run_plan
 from .options import ANY_PATH, FOLDER, Commands, Output, output_options, overrides_of
+
+PREPARED = {
+    "table1": "Refined scenes against the methods of others, on frozen views.",
+    "table2": "What each part of the method is worth.",
+    "fig-captures": "How many captures a method needs.",
+}
+"""The prepared plans by name, and what they tell."""
 
 
 @click.group(cls=Commands)
 def reproduce() -> None:
-    """The paper's tables, made anew on a scene of one's own."""
+    """The paper's tables and its curve, made anew on scenes of one's own."""
+
+
+def _prepared(name: str, told: str) -> click.Command:
+    """The command that runs the prepared plan ``name``."""
+
+    @click.command(name, help=f"{told} The scenes are those in --data; it runs as `r2sego experiment` does.")
+    @click.option("--data", required=True, type=FOLDER, help="Folder of scenes, each with a cameras.json.")
+    @click.option("--scenes", default="", metavar="NAME,NAME", help="Of the scenes in the folder these alone.")
+    @plan_options
+    def command(data: Path, scenes: str, folder: Path, processes: int, dry_run: bool, output: Output) -> None:
+        from ..experiments.prepared import prepared_plan
+
+        names = [name.strip() for name in scenes.split(",") if name.strip()]
+        run_plan(prepared_plan(name, data, names), folder, processes, dry_run, output)
+
+    return command
+
+
+for _name, _told in PREPARED.items():
+    reproduce.add_command(_prepared(_name, _told))
 
 
 @reproduce.command()
 @click.argument("scene", type=ANY_PATH)
-@click.option("--to", "folder", required=True, type=FOLDER, help="Folder of the policies, made if missing.")
+@click.option("--out", "folder", required=True, type=FOLDER, help="Folder of the policies, made if missing.")
 @click.option("--seeds", type=click.IntRange(1, 1000), default=5, show_default=True, help="Pairs of policies.")
 @click.option("--episodes", type=click.IntRange(1, 100_000), default=25, show_default=True, help="Of each test.")
 @click.option("--reference", type=ANY_PATH, help="The reference room, as docs/policy.md makes one: a test more.")
