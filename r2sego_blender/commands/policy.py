@@ -53,14 +53,7 @@ def train(scene: Path, folder: Path, overrides: tuple[str, ...], asset: str, cha
 @_task_options
 @output_options("--json", "--json-progress")
 def evaluate(
-    scene: Path,
-    which: str,
-    episodes: int,
-    seed: int,
-    record: Path | None,
-    asset: str,
-    chairs: str,
-    output: Output,
+    scene: Path, which: str, episodes: int, seed: int, record: Path | None, asset: str, chairs: str, output: Output
 ) -> None:
     """How often a policy sits down in SCENE, why it failed, and how much the helping force helped."""
     from ..policy.training import Task, evaluate_policy, lines

@@ -95,7 +95,7 @@ def recorded_evaluation(
     """
     if episodes > MOST_EPISODES:
         cure = "Give fewer --episodes, or leave --record out."
-        raise SettingsError(f"{episodes} episodes are more than the {MOST_EPISODES} that are recorded at once", cure=cure)
+        raise SettingsError(f"{episodes} episodes are too many: at most {MOST_EPISODES} are recorded", cure=cure)
     if folder.exists() and not (folder / FILE).is_file() and not _is_empty(folder):
         cure = "Give a new one: what is there would be replaced."
         raise SettingsError("this is no folder of a recorded evaluation", where=folder, cure=cure)

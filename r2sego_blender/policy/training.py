@@ -93,13 +93,13 @@ def policy_outcomes(
     not given. Raises MachineError where the folder
     ``policy`` has no checkpoint that can be read.
     """
-    env = None if room else task.environment()
+    policy_package("gymnasium")
     from .dagger.acting import outcomes, taught_outcomes
     from .dagger.bundle_episodes import BundleEpisodes
     from .dagger.checkpoints import load_student
     from .dagger.loop import CHECKPOINT
 
-    room = room or BundleEpisodes(env)
+    room = room or BundleEpisodes(task.environment())
     seeds = progress.track(evaluation_seeds(seed, episodes), "Episodes", episodes)
     if policy == TEACHER:
         yield from taught_outcomes(room, room, room.limits, iter(seeds))

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +22,10 @@ from .panels.rollout_list import POLICY, rollouts_folder
 
 FILE = "evaluation.json"
 EMBEDDED_DRIVE = "the embedded assisted controller"
-"""What drives a robot's joints as a policy commands, with a force that helps its base."""
+"""What drives the robot's joints as a policy commands, with a force that helps its base."""
+
+MOST_EPISODES = 200
+"""Recorded at once: the bodies of one are up to 1.5 MB."""
 
 _CURE = "Evaluate the policy again."
 
@@ -73,6 +79,16 @@ class PolicyEvaluation:
             if not (math.isfinite(read.mean_assist_n) and read.mean_assist_n >= 0.0):
                 raise ValueError("its helping force is none")
         return read
+
+    def require_of(self, ends: Iterable[str]) -> None:
+        """Raises SceneError where it is not of episodes that ended so, '' for successes."""
+        if Counter(ends) != Counter({end: number for end, number in self.by_end.items() if number}):
+            raise SceneError("this evaluation is of other episodes", where=FILE, cure=_CURE)
+
+    @property
+    def policy_name(self) -> str:
+        """The policy without the folders around its own."""
+        return re.split(r"[/\\]", self.policy.rstrip("/\\"))[-1]
 
     @property
     def by_end(self) -> dict[str, int]:
