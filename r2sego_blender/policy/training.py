@@ -90,8 +90,7 @@ def policy_outcomes(
     """How so many episodes end in which a training's student, or the teacher, acts.
 
     Episodes are drawn by ``seed`` and differ from those of trainings; ``room`` has them, the task's own if it is
-    not given. Raises MachineError where the folder
-    ``policy`` has no checkpoint that can be read.
+    not given. Raises MachineError where the folder ``policy`` has no checkpoint that can be read.
     """
     policy_package("gymnasium")
     from .dagger.acting import outcomes, taught_outcomes

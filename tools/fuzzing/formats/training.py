@@ -1,4 +1,4 @@
-"""What a training of a policy leaves: recorded episodes and checkpoints."""
+"""What a training of a policy leaves: recorded episodes, checkpoints, and evaluations that are kept."""
 
 from __future__ import annotations
 
@@ -60,7 +60,22 @@ def _read_checkpoint(folder: Path) -> Any:
     return place, {name: tensor.numpy() for name, tensor in student.state_dict().items()}
 
 
+def _evaluation(folder: Path) -> None:
+    from r2sego_blender.results.policy_evaluation import PolicyEvaluation
+
+    failures = {"fall": 2, "missed_target": 1}
+    PolicyEvaluation("teacher", "a drive", "a.ply", ("stool",), 7, 10, 0.35, 0.93, failures, 14.5).save(folder)
+
+
+def _read_evaluation(folder: Path) -> Any:
+    from r2sego_blender.results.policy_evaluation import PolicyEvaluation
+
+    read = PolicyEvaluation.load(folder)
+    return read, read.by_end, read.policy_name
+
+
 HARNESSES = (
+    Harness("training/evaluation.json", _evaluation, "evaluation.json", "json", _read_evaluation),
     Harness("training/episode", _episode, "000000/steps.npz", "npz", _read_episode),
     Harness("training/pictures", _episode, "000000/pictures.raw", "bytes", _read_episode, share=0.2),
     Harness("training/checkpoint", _checkpoint, "checkpoint.npz", "npz", _read_checkpoint, share=0.05),
