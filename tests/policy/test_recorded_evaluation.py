@@ -54,6 +54,6 @@ def test_a_folder_of_something_else_and_too_many_episodes_are_refused(room, tmp_
     own.write_text("a person's")
     with refused(SettingsError, tmp_path):
         recorded_evaluation(Task(room), TEACHER, 1, 0, tmp_path)
-    with refused(SettingsError, "200"):
+    with refused(SettingsError, "", "200"):
         recorded_evaluation(Task(room), TEACHER, 201, 0, tmp_path / "new")
     assert [*tmp_path.iterdir()] == [own] and FILE not in own.name
