@@ -66,6 +66,8 @@ class R2SEGO_PT_policy(Sidebar, bpy.types.Panel):
         ]
         if found.asset:
             lines.append(("Seen Through", Path(found.asset).name))
+        if found.reference:
+            lines.append(("Reference Room", Path(found.reference).name))
         if found.chairs:
             lines.append(("Chairs", ", ".join(found.chairs)))
         write_facts(context, self.layout.column(align=True), lines)

@@ -22,6 +22,7 @@ DOORS = ("operators", "panels", "batch")
 LAYERS = (
     "__main__",
     "commands",
+    "experiments",
     "evaluation policy trials",
     "results editing",
     "pipeline",
@@ -283,7 +284,7 @@ def test_a_bundle_is_read_in_one_place():
     }
     assert {"GeometryProxy", "SparsePoints", "Selection", "ObservedGeometry"} <= classes
     reading = READERS | {f"{name}.load" for name in classes}
-    above = ("results", "editing", "evaluation", "refine", "commands", "bridge", "pipeline")
+    above = ("results", "editing", "evaluation", "experiments", "refine", "commands", "bridge", "pipeline")
     for name, file in known.items():
         is_above = part_of(name) in above if name.startswith("r2sego_blender") else True
         if is_above and name not in kept and name not in GIVEN and not name.startswith(MEASURING):

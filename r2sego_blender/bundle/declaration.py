@@ -12,7 +12,7 @@ import numpy as np
 
 from ..config.declared_files import Reader
 from ..config.fields import setting
-from ..config.presets import present_keys, preset, with_overrides
+from ..config.presets import by_dotted_keys, present_keys, preset, with_overrides
 from ..config.settings import Settings
 from ..core.atomic_files import write_whole
 from ..core.cameras import is_similarity
@@ -140,20 +140,11 @@ def read_declaration(path: Path) -> Declaration:
             scope=_scope_here(declared.robot.scope, path),
             mesh_library=declared.priors.mesh_library,
             preset=declared.settings.preset,
-            overrides=_by_dotted_keys(declared.settings.overrides),
+            overrides=by_dotted_keys(declared.settings.overrides),
             backends={slot: str(label) for slot, label in declared.backends.items()},
         )
     except SettingsError as error:
         raise SettingsError(error.what, where=f"{file}: {error.where}", cure=error.cure) from error
-
-
-def _by_dotted_keys(overrides: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """The settings by their keys, of which TOML makes tables where a person writes them without quotes."""
-    found: dict[str, Any] = {}
-    for key, value in overrides.items():
-        is_table = isinstance(value, Mapping)
-        found |= _by_dotted_keys(value, f"{prefix}{key}.") if is_table else {f"{prefix}{key}": value}
-    return found
 
 
 def _matrix(rows: Any) -> tuple[tuple[float, ...], ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from ..core.errors import CaptureError
 from ..core.progress import SILENT, Progress
 from .capture import Capture
 from .poses.photographs import captures_of
+from .poses.plain_folder import plain_photographs
 from .poses.pose_format import Posed
 from .poses.registry import find_export, find_poses
 from .sensors.sensor_depth import SensorDepth
@@ -38,13 +39,19 @@ class Imported:
 
 
 def import_captures(
-    folder: Path, poses: Path | None, settings: CaptureSettings, progress: Progress = SILENT, names: Sequence[str] = ()
+    folder: Path,
+    poses: Path | None,
+    settings: CaptureSettings,
+    progress: Progress = SILENT,
+    names: Sequence[str] = (),
+    first: int = 0,
 ) -> Imported:
     """The photographs in ``folder`` as undistorted captures.
 
     ``poses`` are of any kind in ``poses.formats``, a file or a folder (docs/formats.md), or None: then
     ``folder`` is an export with poses of its own, or they are solved from the photographs alone: from
-    those of ``names``, else from ``settings.max_keyframes`` that are chosen where there are more.
+    those of ``names``, else from ``settings.max_keyframes`` that are chosen where there are more. ``first``, unless
+    it is 0, takes so many from the front of the list: in the poses' own order, else in that of the names.
     Photographs are not copied: a capture undistorts and scales its file when it is read. Raises
     CaptureError naming the file, the field and the cure.
     """
@@ -57,10 +64,12 @@ def import_captures(
             "all photographs that have poses are taken", where=found[1], cure="Take --frames away, or the poses."
         )
     if found is None:
+        names = [path.name for path in plain_photographs(folder, SILENT)][:first] if first else names
         posed = Posed(*solve_poses(folder, settings, progress, names))
     else:
         record, poses = found
         posed = record.read(poses, folder, settings, progress)
+        posed = replace(posed, photographs=posed.photographs[:first]) if first else posed
     if not posed.photographs:
         raise CaptureError("no photograph is listed", where=poses, cure="Check the export of the poses.")
     captures = captures_of(posed.photographs, settings.max_side_px)

@@ -26,6 +26,7 @@ from . import (
     bench,
     captures,
     demo,
+    experiments,
     policy,
     proxy,
     reproduce,
@@ -90,7 +91,7 @@ def main(context: click.Context) -> None:
     cancel_at_once("finished steps are kept" if context.invoked_subcommand in GOING_ON else "")
 
 
-for about in (
+_ABOUT = (
     scene,
     demo,
     captures,
@@ -99,12 +100,14 @@ for about in (
     views,
     asset,
     results,
+    experiments,
     splats,
     policy,
     reproduce,
     trials,
     bench,
     backends,
-):
+)
+for about in _ABOUT:
     for command in about.COMMANDS:
         main.add_command(command)

@@ -49,16 +49,25 @@ def train(scene: Path, folder: Path, overrides: tuple[str, ...], asset: str, cha
 @click.option("--policy", "which", required=True, metavar="FOLDER|teacher", help="A training's folder, or the teacher.")
 @click.option("--episodes", type=click.IntRange(1, 100_000), default=100, show_default=True)
 @click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=0, show_default=True, help="Of the episodes.")
+@click.option("--reference", default="", metavar="FOLDER", help="A reference room to take the episodes to.")
 @click.option("--record", type=FOLDER, help="Keep its episodes there; in SCENE/robot/policy Blender shows them.")
 @_task_options
 @output_options("--json", "--json-progress")
 def evaluate(
-    scene: Path, which: str, episodes: int, seed: int, record: Path | None, asset: str, chairs: str, output: Output
+    scene: Path,
+    which: str,
+    episodes: int,
+    seed: int,
+    reference: str,
+    record: Path | None,
+    asset: str,
+    chairs: str,
+    output: Output,
 ) -> None:
     """How often a policy sits down in SCENE, why it failed, and how much the helping force helped."""
     from ..policy.training import Task, evaluate_policy, lines
 
-    task = Task(scene, asset, _names(chairs))
+    task = Task(scene, asset, _names(chairs), reference)
     if record is None:
         found = evaluate_policy(task, which, episodes, seed, output.progress)
     else:
@@ -66,6 +75,19 @@ def evaluate(
 
         found = recorded_evaluation(task, which, episodes, seed, record, output.progress)
     output.show(dataclasses.asdict(found), lambda _: [*lines(task, which, found)])
+
+
+@policy.command()
+@click.argument("folder", type=FOLDER)
+@click.option("--to", required=True, type=FOLDER, help="Folder to write into.")
+@output_options("--json-progress")
+def export(folder: Path, to: Path, output: Output) -> None:
+    """Write the student of a training FOLDER as student.onnx, and what the teacher showed it as a LeRobot dataset."""
+    from ..policy.exporting import DEMONSTRATIONS, export_training
+
+    file = export_training(folder, to)
+    told = {"student": str(file), "demonstrations": str(to / DEMONSTRATIONS)}
+    output.show(told, lambda said: [f"{name}: {where}" for name, where in said.items()])
 
 
 def _names(text: str) -> tuple[str, ...]:

@@ -21,18 +21,24 @@ from .options import ANY_PATH, FOLDER, Output, output_options, overrides_of, set
     type=ANY_PATH,
     help="cameras.json with a 'frozen' list, or a folder of held-out photographs.",
 )
+@click.option("--arms", default="", metavar="NAME,NAME", help="Of the arms these alone, and the refined one.")
+@click.option(
+    "--distinct", is_flag=True, help="Refuse views that stand and look as a capture or a retained target does."
+)
 @output_options("--json-progress")
-def evaluate(scene: Path, frozen: Path, output: Output) -> None:
+def evaluate(scene: Path, frozen: Path, arms: str, distinct: bool, output: Output) -> None:
     """Score SCENE on frozen views against what it has to beat; writes report/metrics.json.
 
     Vanilla 3DGS, the same points at this project's rates, and Algorithm 1 without generated views are trained on
     the same photographs first, unless that was done before. Photographs that are held out must not have been
     among those of SCENE.
     """
+    from ..evaluation.arms import ARMS, named_arms
     from ..evaluation.scene_evaluation import evaluate_scene, table
 
+    chosen = named_arms([name.strip() for name in arms.split(",")]) if arms else tuple(ARMS)
     opened = Scene.open(scene)
-    metrics = evaluate_scene(opened, frozen, output.progress)
+    metrics = evaluate_scene(opened, frozen, output.progress, chosen, distinct)
     page = opened.report_folder / REPORT_PAGE
     output.show({"metrics": metrics}, lambda _: [table(metrics), f"report: {page}"])
 

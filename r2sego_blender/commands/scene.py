@@ -36,6 +36,13 @@ from .options import ANY_PATH, Output, output_options, overrides_of, scale_of, s
     "their names.",
 )
 @click.option(
+    "--first",
+    type=click.IntRange(min=0),
+    default=0,
+    metavar="K",
+    help="Of the photographs the first K: in the order in which their poses list them, else by name.",
+)
+@click.option(
     "--poses",
     type=ANY_PATH,
     help="transforms.json, cameras.json (3DGS's too), a COLMAP folder or Polycam's raw export; else they are solved.",
@@ -66,6 +73,7 @@ def new(
     captures: Path,
     keyframes: int | None,
     frames: str | None,
+    first: int,
     poses: Path | None,
     robot: str,
     scope: str,
@@ -87,7 +95,7 @@ def new(
     changes = overrides_of(overrides) | ({} if keyframes is None else {"captures.max_keyframes": keyframes})
     settings = with_overrides(changes).captures
     taken = [name.strip() for name in (frames or "").split(",") if name.strip()]
-    made = create_scene(scene, captures, poses, robot, scope, scale, settings, output.progress, taken)
+    made = create_scene(scene, captures, poses, robot, scope, scale, settings, output.progress, taken, first)
     made = made.declare(overrides=changes) if changes else made
     output.tell(scene=str(made.path), ground=made.declaration.ground, scale=made.declaration.scale_source)
     if preset is not None:

@@ -110,6 +110,15 @@ def present_keys(overrides: Mapping[str, Any]) -> dict[str, Any]:
     return {former_keys().get(key, key): value for key, value in overrides.items()}
 
 
+def by_dotted_keys(overrides: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """The settings by their keys, of which TOML makes tables where a person writes them without quotes."""
+    found: dict[str, Any] = {}
+    for key, value in overrides.items():
+        is_table = isinstance(value, Mapping)
+        found |= by_dotted_keys(value, f"{prefix}{key}.") if is_table else {f"{prefix}{key}": value}
+    return found
+
+
 def with_overrides(overrides: Mapping[str, Any], base: Settings = Settings()) -> Settings:
     """``base`` with dotted keys replaced; values may be strings from a command line.
 

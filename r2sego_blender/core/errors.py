@@ -68,6 +68,10 @@ class EvaluationError(R2SEgoError):
     """Ground truth that is missing or damaged, or something it cannot score."""
 
 
+class ExperimentError(R2SEgoError):
+    """A plan of experiments, or a cell of one, that cannot be run as it is."""
+
+
 class TrialError(R2SEgoError):
     """A plan of trials, a device, a calibration or a record that cannot be used."""
 

@@ -1,4 +1,4 @@
-"""Formatting of numbers for people: counts, shares, and numbers compared with a limit."""
+"""Formatting for people: counts, shares, durations, numbers compared with a limit, and texts in tables."""
 
 from __future__ import annotations
 
@@ -30,3 +30,28 @@ def share(value: float) -> str:
 def counted(count: int, noun: str) -> str:
     """So many of what ``noun`` names in the singular: "1 mask", "3 masks"."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def duration(seconds: float) -> str:
+    """A time in its two largest units: "40 s", "12 min", "1 h 20 min", "2 d 3 h"."""
+    minutes = round(seconds / 60.0)
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    if minutes < 60:
+        return f"{minutes} min"
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if hours < 24 else f"{hours // 24} d {hours % 24} h"
+
+
+def markdown_cell(text: str) -> str:
+    """A text that ends no cell of a table."""
+    return text.replace("\\", "\\\\").replace("|", "\\|")
+
+
+_LATEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
+_LATEX |= {sign: f"\\{sign}" for sign in "&%$#_{}"}
+
+
+def latex_text(text: str) -> str:
+    """A text as LaTeX prints it."""
+    return "".join(_LATEX.get(sign, sign) for sign in text)

@@ -12,7 +12,8 @@ from .errors import MachineError
 
 _LEAST_ADDRESSES = 10**9  # bytes that the numeric packages take once loaded
 _PAGES = Path("/proc/self/statm")
-_QUOTA = Path("/sys/fs/cgroup/cpu.max")
+_GROUP = Path("/sys/fs/cgroup")
+_QUOTA = _GROUP / "cpu.max"
 
 
 def require_addresses() -> None:
@@ -90,3 +91,17 @@ def peak_memory_mb() -> float | None:
         return None
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
+
+
+def available_memory_mb() -> float:
+    """Memory (MiB) that processes started now may take, a container's limit included; infinite where nobody tells."""
+    free = [math.inf]
+    with contextlib.suppress(OSError, StopIteration, ValueError):
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        free.append(int(next(line for line in lines if line.startswith("MemAvailable:")).split()[1]) / 2**10)
+    with contextlib.suppress(OSError, ValueError, KeyError):  # without a limit it reads "max"
+        most = int((_GROUP / "memory.max").read_text())
+        told = dict(line.split() for line in (_GROUP / "memory.stat").read_text().splitlines())
+        used = int((_GROUP / "memory.current").read_text()) - int(told["inactive_file"])  # files are let go
+        free.append((most - used) / 2**20)
+    return max(min(free), 0.0)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from ..bundle.figures import BASELINES
 from ..bundle.layout import INITIAL_ASSET, REFINED_ASSET
+from ..config.declared_files import did_you_mean
+from ..core.errors import SettingsError
 
 INITIAL, VANILLA, SAME_POINTS, WITHOUT_GENERATED, REFINED = (
     "initial",
@@ -52,3 +54,13 @@ def strongest_baseline(psnr: Mapping[str, float | None]) -> str:
         return math.inf if found is None else found  # None is that of two equal images
 
     return max((arm for arm in BASELINES if arm in psnr), key=height, default="")
+
+
+def named_arms(names: Iterable[str]) -> tuple[str, ...]:
+    """The arms of these names. Raises SettingsError for one that is none."""
+    chosen = tuple(names)
+    for name in chosen:
+        if name not in ARMS:
+            cure = did_you_mean(name, ARMS, f"Known: {', '.join(ARMS)}.")
+            raise SettingsError(f"there is no arm '{name}'", where="arms", cure=cure)
+    return chosen

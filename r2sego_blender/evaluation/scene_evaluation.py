@@ -5,7 +5,7 @@ Frozen views are read here alone, after the refinement; nothing of them flows ba
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from ..captures.frozen import load_frozen_views
 from ..captures.solving.locating import locate_views
 from ..captures.sparse_points import SPARSE
 from ..captures.store import CAPTURES
-from ..core.cameras import Camera, rotation_angle_rad
+from ..core.cameras import Camera
 from ..core.errors import R2SEgoError, SceneError
 from ..core.progress import SILENT, Progress
 from ..geometry.stereo.stereo import DEPTH
@@ -30,6 +30,7 @@ from ..splats.formats.ply import load_made
 from . import round_scores, scene_causes
 from .arms import ARMS, REFINED
 from .cause_figures import report_causes
+from .distinct_views import require_distinct, seen_in_training
 from .exposed_rendering import as_exposed
 from .frozen import ArmScore, score
 from .metrics_file import write_metrics
@@ -39,24 +40,26 @@ from .scene_causes import SceneCauses, split_by_cause
 from .scene_report import write_scene_report
 from .trained_arms import train_arms
 
-_SAME_PLACE_M, _SAME_TURN_RAD = 0.005, 0.005
-"""Poses of one photograph that were found twice differ by as much, such as given and located ones."""
 
-
-def evaluate_scene(scene: Scene, frozen: Path, progress: Progress = SILENT) -> dict[str, Any]:
+def evaluate_scene(
+    scene: Scene, frozen: Path, progress: Progress = SILENT, arms: Collection[str] = tuple(ARMS), distinct: bool = False
+) -> dict[str, Any]:
     """Score the scene's arms and rounds on ``frozen``, and split the refined asset's error by
     cause; writes the report and returns ``metrics.json``.
 
     ``frozen`` is a cameras.json, of which the frozen list alone is read, or a folder of
-    held-out photographs, which are located against the captures. Raises SceneError when
+    held-out photographs, which are located against the captures. Of ``arms`` alone are trained and
+    scored, and the refined one always. Raises SceneError when
     the scene has not been refined, its asset is not as it was made, its world frame was
-    corrected since, or while another process or thread writes to it.
+    corrected since, or while another process or thread writes to it, and where views are to be
+    ``distinct`` EvaluationError for one that was trained on (``require_distinct``).
     """
     with scene.locked():
-        return _evaluated(scene, frozen, progress)
+        chosen = tuple(arm for arm in ARMS if arm in (*arms, REFINED))
+        return _evaluated(scene, frozen, progress, chosen, distinct)
 
 
-def _evaluated(scene: Scene, frozen: Path, progress: Progress) -> dict[str, Any]:
+def _evaluated(scene: Scene, frozen: Path, progress: Progress, arms: Sequence[str], distinct: bool) -> dict[str, Any]:
     if not scene.asset_file.is_file():
         raise SceneError(
             "the scene has not been refined", where=scene.path, cure=f"Run `r2sego refine {scene.path}` first."
@@ -64,16 +67,19 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress) -> dict[str, Any]
     require_present_frame(scene, [layout.REFINED_ASSET], "scored")
     require_as_made(scene, layout.REFINED_ASSET)
     views = tuple(map(DecodedCapture.of, frozen_views(scene, frozen, progress)))  # for all arms and rounds
-    if seen := _seen_in_training(scene, views):
+    if distinct:
+        require_distinct(scene, views)
+    if seen := seen_in_training(scene, views):
         progress.message(
             f"{', '.join(seen)}: taken from where a capture was; scores of what was trained on say little", "warning"
         )
-    train_arms(scene, progress)
+    train_arms(scene, progress, arms)
     scores: dict[str, ArmScore] = {}
     renderings: dict[str, dict[str, np.ndarray]] = {}
     refined_depths: list[np.ndarray] = []
     captures = scene.read(CAPTURES)
-    for arm, source in ARMS.items():
+    for arm in arms:
+        source = ARMS[arm]
         pictures = renderings[arm] = {}
         asset = load_made(scene.path / source.asset)
         scores[arm] = score(
@@ -90,7 +96,7 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress) -> dict[str, Any]
         scores,
         rounds=round_scores.as_entries(rounds),
         causes=scene_causes.as_entry(causes),
-        assets=_scored(scene),
+        assets=_scored(scene, arms),
     )
     shown = _pictures(views, scores, renderings)
     split = report_causes(causes, scores[REFINED], shown)
@@ -113,24 +119,12 @@ def frozen_views(scene: Scene, frozen: Path, progress: Progress = SILENT) -> tup
     )
 
 
-def _seen_in_training(scene: Scene, views: Sequence[Capture]) -> list[str]:
-    """The names of the views that stand and look as a capture does."""
-    captures = [capture.camera for capture in scene.read(CAPTURES)]
-    return [
-        view.name
-        for view in views
-        if any(
-            np.linalg.norm(view.camera.centre - camera.centre) < _SAME_PLACE_M
-            and rotation_angle_rad(view.camera.world_from_camera, camera.world_from_camera) < _SAME_TURN_RAD
-            for camera in captures
-        )
-    ]
-
-
 def table(metrics: Mapping[str, Any]) -> str:
     """The arms' scores as lines for a terminal."""
     lines = [f"{'':<{LABEL_WIDTH}}{'PSNR dB':>9}{'SSIM':>8}{'LPIPS':>8}"]
     for arm, source in ARMS.items():
+        if arm not in metrics["arms"]:
+            continue
         scored = metrics["arms"][arm]
         lpips = "n/a" if scored["lpips_alex"] is None else f"{scored['lpips_alex']:.3f}"
         psnr = float("inf") if scored["psnr"] is None else scored["psnr"]
@@ -141,11 +135,11 @@ def table(metrics: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _scored(scene: Scene) -> dict[str, str]:
+def _scored(scene: Scene, arms: Sequence[str]) -> dict[str, str]:
     """The assets as they are now, by their digests: what changes later is not what was scored."""
     rounds = (of_round(index, "asset.ply") for index in range(scene.declaration.settings.rounds))
     outputs = scene.outputs()
-    return {name: outputs[name] for name in (*(a.asset for a in ARMS.values()), *rounds) if name in outputs}
+    return {name: outputs[name] for name in (*(ARMS[arm].asset for arm in arms), *rounds) if name in outputs}
 
 
 def _renderer(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,12 +24,15 @@ from ..splats.training.observations import Observation
 from .arms import ARMS, SAME_POINTS, VANILLA, WITHOUT_GENERATED
 
 
-def train_arms(scene: Scene, progress: Progress = SILENT) -> None:
-    """See that all arms are there; each is passed over while nothing that it is made of has changed."""
+def train_arms(scene: Scene, progress: Progress = SILENT, arms: Collection[str] = tuple(ARMS)) -> None:
+    """See that ``arms`` are there; each is passed over while nothing that it is made of has changed."""
     training = scene.declaration.settings.training
-    train_baseline(scene, VANILLA, replace(training, **VANILLA_3DGS), progress)
-    train_baseline(scene, SAME_POINTS, training, progress)
-    train_without_generated_views(scene, progress)
+    if VANILLA in arms:
+        train_baseline(scene, VANILLA, replace(training, **VANILLA_3DGS), progress)
+    if SAME_POINTS in arms:
+        train_baseline(scene, SAME_POINTS, training, progress)
+    if WITHOUT_GENERATED in arms:
+        train_without_generated_views(scene, progress)
 
 
 def train_baseline(scene: Scene, arm: str, training: TrainingSettings, progress: Progress = SILENT) -> None:

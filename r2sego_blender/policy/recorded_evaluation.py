@@ -108,6 +108,7 @@ def recorded_evaluation(
         str(policy),
         EMBEDDED_DRIVE,
         task.asset,
+        task.reference,
         task.chairs,
         found.successes,
         found.episodes,

@@ -13,12 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.errors import EvaluationError
+from ..core.intervals import CONFIDENCE, Interval, student_interval
 
-CONFIDENCE = 0.95
 _EXACT_UP_TO = 14  # pairs; of more so many sign flips are drawn as these have
 _BOOTSTRAPS = 10_000
-
-Interval = tuple[float, float]
 
 _SIDES = ("greater", "two-sided")
 
@@ -100,7 +98,7 @@ def compare_pairs(first: Sequence[int], second: Sequence[int], episodes: int, se
         first=_arm(counts[0], episodes),
         second=_arm(counts[1], episodes),
         difference=float(apart.mean()),
-        interval=_student(apart),
+        interval=student_interval(apart),
         sign_greater=float(sign[0]) if better + worse else 1.0,
         sign_two_sided=float(sign[1]) if better + worse else 1.0,
         permutation_greater=float(permuted[0]),
@@ -146,13 +144,6 @@ def _arm(counts: np.ndarray, episodes: int) -> Arm:
     return Arm(
         tuple(map(int, counts)), episodes, float(rates.mean()), float(rates.std(ddof=1)), (pooled.low, pooled.high)
     )
-
-
-def _student(apart: np.ndarray) -> Interval:
-    from scipy import stats
-
-    reach = stats.t.ppf(0.5 + CONFIDENCE / 2.0, len(apart) - 1) * apart.std(ddof=1) / np.sqrt(len(apart))
-    return float(apart.mean() - reach), float(apart.mean() + reach)
 
 
 def _bootstrapped(rates: np.ndarray, episodes: int, rng: np.random.Generator) -> Interval:

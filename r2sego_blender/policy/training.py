@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..bundle.scene import Scene
 from ..config.declared_files import Reader, did_you_mean
 from ..config.fields import fields_of
 from ..core.errors import SettingsError
+from ..core.json_files import write_json
 from ..core.progress import SILENT, Progress
 from .dagger.settings import DaggerSettings
 from .packages import policy_package
@@ -25,25 +27,29 @@ if TYPE_CHECKING:
 TEACHER = "teacher"
 """In place of a training's folder: the privileged teacher."""
 STUDENT_ONNX = "student.onnx"
+TRAINED_IN = "trained_in.json"
+"""Of what scene, asset, chairs and robot a training's folder is."""
 
 
 @dataclass(frozen=True)
 class Task:
     """What is trained and evaluated in: a scene's room, seen through ``asset``, its own if that is ''.
 
-    Without ``chairs``, names of ``environment.chairs.CHAIRS``, the robot sits down on the room's own seats.
+    Without ``chairs``, names of ``environment.chairs.CHAIRS``, the robot sits down on the room's own seats. With
+    ``reference``, a reference room's folder, episodes take place there and begin as in the scene.
     """
 
     scene: Path
     asset: str = ""
     chairs: tuple[str, ...] = ()
+    reference: str = ""
 
     def environment(self) -> SitEnv:
         """The environment. Raises MachineError without the extra ``policy``, and what ``SitEnv`` raises."""
         policy_package("gymnasium")
         from .environment.environments import SitEnv
 
-        return SitEnv(self.scene, asset=self.asset, chairs=self.chairs)
+        return SitEnv(self.scene, asset=self.asset, chairs=self.chairs, reference=self.reference)
 
 
 def settings_of(overrides: Mapping[str, str]) -> DaggerSettings:
@@ -74,6 +80,9 @@ def train_policy(task: Task, folder: Path, settings: DaggerSettings, progress: P
     from .student.onnx_export import export_onnx
 
     episodes = BundleEpisodes(env)
+    folder.mkdir(parents=True, exist_ok=True)
+    where = {"scene": task.scene.name, "asset": Path(task.asset).name, "chairs": task.chairs}
+    write_json(folder / TRAINED_IN, {**where, "robot": Scene.open(task.scene).declaration.robot})
     student = train_student(episodes, episodes, settings, folder, env.limits, progress)
     export_onnx(student, folder / STUDENT_ONNX)
     return folder / STUDENT_ONNX
@@ -124,6 +133,7 @@ def lines(task: Task, policy: str | Path, found: Evaluation) -> Iterator[str]:
     """An evaluation for a person."""
     what = "the teacher, which knows the true state" if policy == TEACHER else f"the student of {policy}"
     on = f"on a {', a '.join(task.chairs)}" if task.chairs else "on the room's own seats"
-    yield f"{what}, in {task.scene.name}{f' seen through {task.asset}' if task.asset else ''}, {on}:"
+    where = f"the reference room {task.reference}" if task.reference else task.scene.name
+    yield f"{what}, in {where}{f' seen through {task.asset}' if task.asset else ''}, {on}:"
     yield str(found)
     yield "driven by the embedded assisted controller: the helping force on the base is the mean assist"

@@ -53,18 +53,25 @@ def create_scene(
     settings: CaptureSettings = CaptureSettings(),
     progress: Progress = SILENT,
     frames: Sequence[str] = (),
+    first: int = 0,
 ) -> Scene:
     """Make the bundle ``path`` from the photographs in the folder ``captures``, or from frames of a video.
 
     ``poses`` is a transforms.json, a cameras.json, a COLMAP folder or a raw export of Polycam;
     without it the poses are solved from the photographs: of a video, or of a folder that has more, from
-    ``settings.max_keyframes`` that are chosen, or from those that ``frames`` gives, by numbers or names.
-    Everything that can be wrong is looked
+    ``settings.max_keyframes`` that are chosen, or from those that ``frames`` gives, by numbers or names; ``first``,
+    unless it is 0, takes so many photographs from the front of their list. Everything that can be wrong is looked
     at before the bundle appears: raises CaptureError, RobotError or SceneError and leaves nothing behind.
     """
     path, captures, poses = Path(path), Path(captures), poses and Path(poses)  # scripts give texts, too
     require_place(path)
     is_video = captures.is_file() and captures.suffix.lower() in VIDEOS
+    if first and (is_video or frames):
+        raise CaptureError(
+            "the first photographs are asked for, and others",
+            where=captures,
+            cure="Give --frames, or --first of photographs.",
+        )
     if not (is_video or captures.is_dir()):
         raise CaptureError(
             "there is no such folder", where=captures, cure="Give the folder of photographs, or a video."
@@ -85,7 +92,7 @@ def create_scene(
                 f"{masks} is not read: masks of objects go in with `r2sego objects {path} --masks {masks}`"
             )
     if not is_video:
-        return _create_scene(path, captures, poses, robot, scope, scale, settings, progress, frames)
+        return _create_scene(path, captures, poses, robot, scope, scale, settings, progress, frames, first=first)
     with ScratchFolder() as scratch:  # captures read their frames until the bundle has them
         folder = Path(scratch)
         taken = video_keyframes(captures, folder, settings.max_keyframes, progress, frames)
@@ -106,10 +113,11 @@ def _create_scene(
     names: Sequence[str],
     video: str = "",
     chosen: tuple[str, ...] = (),
+    first: int = 0,
 ) -> Scene:
     """``create_scene`` of photographs that lie as files; those of a ``video`` were ``chosen``."""
     _look_over(scale, captures, solved=poses is None and find_export(captures) is None)
-    imported = import_captures(captures, poses, settings, progress, names)
+    imported = import_captures(captures, poses, settings, progress, names, first)
     progress.message(f"{len(imported.captures)} captures: {imported.source}")
     imported, sparse = triangulate_refined(imported, settings, progress)
     imported = replace(imported, captures=_evened(imported.captures, sparse, settings, progress))

@@ -35,7 +35,8 @@ class PolicyEvaluation:
     """What a policy was, and how its episodes ended.
 
     ``policy`` is a training's folder or "teacher"; ``driver`` names what carried its actions out; ``asset`` the splats
-    that stood in for the scene's own, '' for these; ``chairs`` the kinds that stood in the room. ``low`` and ``high``
+    that stood in for the scene's own, '' for these; ``reference`` the folder of the reference room that episodes
+    were taken to, '' for the scene; ``chairs`` the kinds that stood in the room. ``low`` and ``high``
     are the exact 95 % interval of the rate, ``failures`` the number of each kind, ``mean_assist_n`` the mean helping
     force over the episodes.
     """
@@ -43,6 +44,7 @@ class PolicyEvaluation:
     policy: str
     driver: str
     asset: str
+    reference: str
     chairs: tuple[str, ...]
     successes: int
     episodes: int
@@ -63,6 +65,7 @@ class PolicyEvaluation:
                 _text(told["policy"]),
                 _text(told["driver"]),
                 _text(told["asset"]),
+                _text(told["reference"]),
                 tuple(map(_text, told["chairs"])),
                 _count(told["successes"]),
                 _count(told["episodes"]),

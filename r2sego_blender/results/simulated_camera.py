@@ -13,7 +13,7 @@ from ..core.images import to_uint8
 from ..robot.model.model_camera import model_camera
 from ..splats.asset import SplatAsset
 from ..splats.rendering.rasterizer import render
-from ..views.head_image import Sight
+from ..views.room_looks import Sight
 
 _NEARLY_FAR = 0.99
 

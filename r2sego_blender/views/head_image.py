@@ -1,10 +1,10 @@
-"""What the head camera sees: the visual asset, and bodies among its Gaussians where they are."""
+"""What the head camera sees: the room, and bodies in it where they are."""
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import mujoco
@@ -16,31 +16,13 @@ from ..core.colours import linear_from_srgb, srgb_from_linear
 from ..core.images import to_uint8
 from ..robot.model.model import RobotModel
 from ..robot.rollouts.bodies import body_shapes
-from ..splats.kernels.packing import PackedGaussians
-from ..splats.rendering.rasterizer import Rasterizer
-from ..splats.rendering.surfaces import in_front
 from .drawn_bodies import DrawnBody, draw_bodies
+from .room_looks import RoomLooks, Sight
 
 SIZE_PX = (128, 96)
 """Width and height of the head's pictures."""
 
-# Gaussians lie this much before what they show: else a foot would sink into the floor.
-_BEFORE_M = 0.05
-_LEAST_LIGHT = 1.0 / 512.0  # below it a body changes no level of its pixel
 _AS_IT_IS = (1.0, 1.0, 1.0)
-
-
-@dataclass(frozen=True)
-class Sight:
-    """What a camera sees at one moment.
-
-    ``colour`` (H, W, 3) uint8, sRGB; ``depth_m`` (H, W) float32, planar, 0 where nothing is;
-    ``body`` (H, W) bool, where a body of the simulation is seen and not the room.
-    """
-
-    colour: np.ndarray
-    depth_m: np.ndarray
-    body: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -76,14 +58,14 @@ class HeadView:
 
 
 class HeadCamera:
-    """Sees an asset from a robot's head, and in it the robot's own body and others.
+    """Sees a room from a robot's head, and in it the robot's own body and others.
 
-    The world frame is the asset's. The asset is packed for the kernels once; a picture takes one
-    thread and no OpenGL, and the same state gives the same bytes.
+    The world frame is the room's. A picture takes one thread and no OpenGL, and the same state gives the
+    same bytes.
     """
 
-    def __init__(self, asset: PackedGaussians, robot: RobotModel) -> None:
-        self._asset, self._rasterizer = asset, Rasterizer()
+    def __init__(self, room: RoomLooks, robot: RobotModel) -> None:
+        self._room = room
         self._robot, self._data = robot, mujoco.MjData(robot.model)
         self._parent = robot.model.body(robot.mount.parent).id
         self._own = [(shape.body, DrawnBody.of(shape)) for shape in body_shapes(robot.model)]
@@ -92,28 +74,15 @@ class HeadCamera:
         """The picture from the head of the robot at ``qpos`` (nq,).
 
         ``others`` are further bodies with their poses ``world_from_body`` (4, 4). Where no body is in
-        view the colours are, before the view's gains, those of ``render`` to the bit. A pixel is the
-        body's share of what Gaussians before it let through, and theirs; ``Sight.body`` is where the
-        greater part is a body's.
+        view the colours are, before the view's gains, the room's own to the bit.
         """
         self._data.qpos[:] = qpos
         mujoco.mj_kinematics(self._robot.model, self._data)
         camera = view.lens.at(self._pose(self._parent) @ view.parent_from_camera)
         bodies = [*((drawn, self._pose(body)) for body, drawn in self._own), *others]
         with _one_thread():
-            self._rasterizer.forward(self._asset, camera)
-            room = self._rasterizer.rendering()
-            drawn = draw_bodies(bodies, camera, np.array(view.light))
-            body = np.zeros(camera.shape, bool)
-            if drawn is not None:
-                depth_m, colour = drawn
-                before = in_front(self._rasterizer.tile_entries, np.where(depth_m > 0.0, depth_m - _BEFORE_M, 0.0))
-                light = before.transmittance[..., None]
-                reached = before.transmittance > _LEAST_LIGHT
-                room.colour[reached] = (before.colour + light * colour)[reached]
-                room.depth[reached] = (before.depth_sum + before.transmittance * depth_m)[reached]
-                body = before.transmittance > 0.5
-        return Sight(view.exposed(to_uint8(room.colour)), room.depth, body)
+            seen = self._room.seen(camera, draw_bodies(bodies, camera, np.array(view.light)))
+        return replace(seen, colour=view.exposed(seen.colour))
 
     def _pose(self, body: int) -> np.ndarray:
         """``world_from_body`` (4, 4) at the last configuration."""

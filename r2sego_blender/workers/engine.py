@@ -21,7 +21,7 @@ from .programs import find_program
 
 LIBRARY = Path(__file__).resolve().parents[1]
 COMMAND_NAME = "r2sego"
-GOING_ON = frozenset({"demo", "evaluate", "policy", "refine", "reproduce", "rollouts", "select"})
+GOING_ON = frozenset({"demo", "evaluate", "experiment", "policy", "refine", "reproduce", "rollouts", "select"})
 """Commands that, cut off and started again, go on from the last step they finished."""
 
 _INTERPRETER_VARIABLE = "R2SEGO_PYTHON"

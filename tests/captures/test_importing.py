@@ -56,6 +56,20 @@ def test_transforms_json_with_shared_intrinsics(tmp_path, rng, blank_photograph)
         assert (c.fx, c.fy, c.cx, c.cy, c.width, c.height) == (50.0, 55.0, 30.0, 25.5, 64, 48)
 
 
+def test_the_first_photographs_are_those_that_the_poses_list_first(tmp_path, rng, blank_photograph):
+    _photographs(tmp_path, blank_photograph, count=5)
+    poses = _poses(rng, 5)
+    path = _transforms(tmp_path, poses, {"fl_x": 50.0, "w": 64, "h": 48})
+    listed = json.loads(path.read_text())
+    listed["frames"] = [listed["frames"][i] for i in (3, 0, 4, 1, 2)]
+    path.write_text(json.dumps(listed))
+    for first in (3, 4, 5):
+        captures = import_captures(tmp_path, path, SETTINGS, first=first).captures
+        assert [c.name for c in captures] == ["p3.png", "p0.png", "p4.png", "p1.png", "p2.png"][:first]
+        for capture, index in zip(captures, (3, 0, 4, 1, 2), strict=False):
+            assert np.abs(capture.camera.world_from_camera - poses[index]).max() < 1e-9
+
+
 def test_transforms_json_with_intrinsics_in_each_frame_and_distortion(tmp_path, rng, blank_photograph):
     _photographs(tmp_path, blank_photograph)
     frames = [{"fl_x": 50.0 + i, "k1": 0.02 * i, "p2": 0.001} for i in range(4)]

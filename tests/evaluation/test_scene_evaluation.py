@@ -17,7 +17,8 @@ from r2sego_blender.captures.store import load_captures
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import SceneError
 from r2sego_blender.evaluation import scene_evaluation, scene_report
-from r2sego_blender.evaluation.arms import ARMS, SAME_POINTS, VANILLA, WITHOUT_GENERATED
+from r2sego_blender.evaluation.arms import ARMS, INITIAL, REFINED, SAME_POINTS, VANILLA, WITHOUT_GENERATED
+from r2sego_blender.evaluation.distinct_views import seen_in_training
 from r2sego_blender.evaluation.report_data import Round
 from r2sego_blender.evaluation.scene_causes import CAUSES
 from r2sego_blender.results.status import lines
@@ -42,7 +43,9 @@ def evaluated(tmp_path, monkeypatch):
     monkeypatch.setattr(
         scene_evaluation,
         "train_arms",
-        lambda scene, progress: [save_ply(scene.path / ARMS[arm].asset, splats(0.9)) for arm in TRAINED],
+        lambda scene, progress, arms: [
+            save_ply(scene.path / ARMS[arm].asset, splats(0.9)) for arm in TRAINED if arm in arms
+        ],
     )
     monkeypatch.setattr(scene_report, "_round", lambda scene, index: Round(index))
     return scene, tmp_path / "cameras.json"
@@ -86,12 +89,24 @@ def test_a_frozen_view_that_was_trained_on_is_told(evaluated):
     recorder, captures = ProgressRecorder(), load_captures(scene.captures_folder)
     listed = json.loads(frozen.read_text(encoding="utf-8"))
     apart = [view for view in listed["frozen"] if view["world_from_camera"][0][3] != 0.0]
-    assert not scene_evaluation._seen_in_training(scene, captures[:0])
+    assert not seen_in_training(scene, captures[:0])
     apart[0]["world_from_camera"] = captures[1].camera.world_from_camera.tolist()
     frozen.write_text(json.dumps(listed | {"frozen": apart}), encoding="utf-8")
     scene_evaluation.evaluate_scene(scene, frozen, recorder)
     (warning,) = [text for level, text in recorder.messages if level == "warning"]
     assert warning.startswith(f"{apart[0].get('name', Path(apart[0]['file']).name)}: taken from where a capture")
+
+
+def test_arms_that_are_not_asked_for_are_neither_trained_nor_scored(evaluated):
+    scene, frozen = evaluated
+    whole = scene_evaluation.evaluate_scene(scene, frozen)["arms"]
+    for arm in TRAINED:
+        (scene.path / ARMS[arm].asset).unlink()
+    metrics = scene_evaluation.evaluate_scene(scene, frozen, arms=(VANILLA,))
+    assert set(metrics["arms"]) == {VANILLA, REFINED}
+    assert metrics["arms"] == {arm: whole[arm] for arm in (VANILLA, REFINED)}
+    assert ARMS[INITIAL].label not in scene_evaluation.table(metrics)
+    assert [(scene.path / ARMS[arm].asset).is_file() for arm in TRAINED] == [True, False, False]
 
 
 def test_an_asset_that_was_changed_since_is_not_scored(evaluated):

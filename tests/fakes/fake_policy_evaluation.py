@@ -17,6 +17,7 @@ EVALUATION = PolicyEvaluation(
     policy="/trainings/student",
     driver="made up by hand",
     asset="",
+    reference="",
     chairs=(),
     successes=1,
     episodes=3,

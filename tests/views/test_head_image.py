@@ -17,6 +17,7 @@ from r2sego_blender.splats.kernels.packing import PackedGaussians
 from r2sego_blender.splats.rendering.rasterizer import render
 from r2sego_blender.views.drawn_bodies import DrawnBody
 from r2sego_blender.views.head_image import SIZE_PX, HeadCamera, HeadView
+from r2sego_blender.views.room_looks import SplatLooks
 
 WALL_M = 2.0
 RED = (1.0, 0.0, 0.0)
@@ -66,7 +67,7 @@ CAMERA = VIEW.lens.at(np.block([[AHEAD, HEAD[:, None]], [np.zeros(3), 1.0]]))
 
 
 def head(asset: SplatAsset) -> HeadCamera:
-    return HeadCamera(PackedGaussians.of(asset), ROBOT)
+    return HeadCamera(SplatLooks(PackedGaussians.of(asset)), ROBOT)
 
 
 @pytest.fixture(scope="module")

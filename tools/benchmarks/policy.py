@@ -23,7 +23,7 @@ from r2sego_blender.policy.environment.environments import SitEnv
 from r2sego_blender.policy.environment.episode import PHYSICS_S
 from r2sego_blender.robot.model.composition import compose
 from r2sego_blender.splats.formats.ply import save_ply
-from r2sego_blender.splats.rendering.rasterizer import Rasterizer
+from r2sego_blender.splats.rendering.batch_rasterizer import BatchRasterizer
 
 from .machine import processor
 from .rollouts import made_up_bundle
@@ -125,7 +125,7 @@ def _side_by_side(bundle: Path, processes: int, steps: int) -> dict[str, Any]:
 
 
 def _heads(env: SitEnv) -> dict[str, Any]:
-    """What the heads of many simulated robots see, by the rasteriser that keeps its buffers, on all threads."""
+    """What the heads of many simulated robots see, each thread drawing pictures of its own."""
     scene = env.scene
     model = compose(scene.robot, scene.collision_mjcf, scene.settings, step_s=PHYSICS_S).model
     batch = mujoco.batch.Batch(model, _WORLDS, nthread=numba.get_num_threads())
@@ -136,15 +136,15 @@ def _heads(env: SitEnv) -> dict[str, Any]:
     qpos[:, :2] = scene.floor.points(*cells[rng.integers(len(cells), size=_WORLDS)].T)
     turn = rng.uniform(-np.pi, np.pi, _WORLDS) / 2.0
     qpos[:, 3], qpos[:, 6] = np.cos(turn), np.sin(turn)
-    rasterizer, lens = Rasterizer(), scene.robot.mount.camera(_HEAD_PX, _HEAD_PX)
+    lens = scene.robot.mount.camera(_HEAD_PX, _HEAD_PX)
+    with BatchRasterizer(scene.asset) as rasterizer:
 
-    def draw(_: int) -> None:
-        batch.step()
-        for pose in scene.robot.camera_poses(np.array(qpos)):
-            rasterizer.forward(scene.asset, lens.at(pose), with_depth=False)
+        def draw(_: int) -> None:
+            batch.step()
+            rasterizer.colours([lens.at(pose) for pose in scene.robot.camera_poses(np.array(qpos))])
 
-    draw(0)
-    cpu_s, wall_s = _costing(draw, range(_HEAD_ROUNDS))
+        draw(0)
+        cpu_s, wall_s = _costing(draw, range(_HEAD_ROUNDS))
     count = _WORLDS * _HEAD_ROUNDS
     return {
         "size": f"{_HEAD_PX}x{_HEAD_PX}",

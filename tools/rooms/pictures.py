@@ -19,9 +19,20 @@ def set_up(lens: Camera, samples: int) -> None:
     scene.camera.data.lens = lens.fx * scene.camera.data.sensor_width / lens.width
 
 
-def photograph(camera: Camera, file: Path) -> None:
-    """Render one camera's PNG."""
+def render_exactly(threads: int = 0) -> None:
+    """Pixels are the mean of what lies in them, all of as many samples; by ``threads`` threads, 0 for all."""
     scene = bpy.context.scene
+    scene.cycles.use_adaptive_sampling = False
+    scene.cycles.pixel_filter_type = "BOX"
+    scene.cycles.filter_width = 1.0
+    scene.render.threads_mode, scene.render.threads = ("FIXED", threads) if threads else ("AUTO", 1)
+
+
+def photograph(camera: Camera, file: Path, seed: int | None = None) -> None:
+    """Render one camera's PNG; ``seed`` is of Cycles' noise, by default that of all pictures."""
+    scene = bpy.context.scene
+    if seed is not None:
+        scene.cycles.seed = seed
     scene.camera.matrix_world = Matrix((camera.world_from_camera @ BLENDER_FROM_OPENCV).tolist())
     output = scene.render.image_settings
     output.file_format, output.color_mode, output.compression = "PNG", "RGB", 60

@@ -60,7 +60,7 @@ def bake(
     colours, seen = seen_colours(points, normals, mesh, images, cameras, settings, progress, shown)
     if not seen.any():
         raise GeometryError("no capture sees any of the mesh", where="texture", cure="Check the captures' poses.")
-    colours[~seen] = _continued(points, normals, colours, seen)
+    colours[~seen] = continued(points, normals, colours, seen)
     texture = np.zeros((*used.shape, 3), np.float32)
     texture[used] = colours
     texture = filled(texture, used)
@@ -169,8 +169,8 @@ def _blended(quality: np.ndarray, colour: np.ndarray, best: int) -> np.ndarray:
     return np.einsum("ij,ijk->ik", weight, colour[:, :best])
 
 
-def _continued(points: np.ndarray, normals: np.ndarray, colours: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """Colours for the unseen points: those of the nearest seen surface that faces the same way."""
+def continued(points: np.ndarray, normals: np.ndarray, colours: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """Values (m, C) for the unseen points: those of the nearest seen surface that faces the same way."""
     place = np.concatenate([points, _FILL_TURN_M * normals], axis=1)
     cell = _numbered(np.floor(place[seen] / _FILL_CELL_M).astype(np.int64))
     count = np.bincount(cell)

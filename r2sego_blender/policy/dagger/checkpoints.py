@@ -84,6 +84,12 @@ def load_student(file: Path) -> Student:
     return student.eval()
 
 
+def load_settings(file: Path) -> DaggerSettings:
+    """The settings of a checkpoint's training. Raises MachineError where it is damaged."""
+    with opened_arrays(file, MachineError, _DAMAGED, _CURE) as arrays:
+        return DaggerSettings(**parse_json(str(arrays["said"]))["settings"])
+
+
 def _like(arrays: Arrays, name: str, tensor: torch.Tensor) -> torch.Tensor:
     """The array ``name``. Raises ValueError where it is not as ``tensor`` is, or not finite."""
     array = arrays[name]

@@ -17,16 +17,20 @@ class DaggerSettings:
     eye_epochs: int = setting(
         6, "Passes in which the eye learns where it is, from views and the teacher's episodes.", 0, 1000
     )
-    iterations: int = setting(5, "Times that the student acts and learns again, after the teacher's episodes.", 0, 1000)
+    iterations: int = setting(6, "Times that the student acts and learns again, after the teacher's episodes.", 0, 1000)
     episodes: int = setting(32, "Episodes of each iteration.", 1, 100_000)
     teacher_share: float = setting(
         0.5, "Beta of the first iteration: the share of its steps that the teacher drives; it falls to 0.", 0.0, 1.0
     )
+    mixed_iterations: int = setting(2, "Iterations in which the teacher drives at all.", 0, 1000)
     turns_steps: int = setting(10, "Teacher and student drive for so many steps at a time.", 1, 10_000)
-    epochs: int = setting(15, "Passes over all episodes after each iteration but the last.", 1, 10_000)
-    last_epochs: int = setting(
-        30, "Passes over all episodes at the end, while the learning rate falls to 0.", 1, 10_000
+    epochs: int = setting(
+        15,
+        "Passes over all episodes after each iteration but the last; in each the learning rate falls to 0.",
+        1,
+        10_000,
     )
+    last_epochs: int = setting(30, "Passes over all episodes at the end.", 1, 10_000)
     pictures: int = setting(32, "Pictures of a batch that the eye learns from.", 1, 4096)
     sequences: int = setting(16, "Episodes that a batch walks through side by side.", 1, 1024)
     window_steps: int = setting(32, "Steps of truncated backpropagation through time.", 1, 1024)
@@ -36,15 +40,15 @@ class DaggerSettings:
     threads: int = setting(1, "Threads of torch; the same bits come of the same number.", 1, 1024)
 
     def beta(self, iteration: int) -> float:
-        """The share of steps that the teacher drives in ``iteration``: 1 in the 0th, 0 in the last."""
+        """The share of steps that the teacher drives in ``iteration``: 1 in the 0th, 0 after the mixed ones."""
         if iteration == 0:
             return 1.0
-        return self.teacher_share * (self.iterations - iteration) / max(1, self.iterations - 1)
+        return self.teacher_share * max(0.0, 1.0 - (iteration - 1) / max(1, self.mixed_iterations))
 
     def epochs_of(self, iteration: int) -> int:
         """Passes over all episodes after ``iteration``."""
         return self.last_epochs if iteration == self.iterations else self.epochs
 
-    def rate(self, iteration: int, done: float) -> float:
-        """The learning rate when the share ``done`` of the passes after ``iteration`` is made."""
-        return self.learning_rate * (1.0 - done if iteration == self.iterations else 1.0)
+    def rate(self, done: float) -> float:
+        """The learning rate when the share ``done`` of the passes of an iteration is made: who acts has settled."""
+        return self.learning_rate * (1.0 - done)

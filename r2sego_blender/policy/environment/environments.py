@@ -18,10 +18,12 @@ from ...robot.controllers.drive_actions import MOST, SIZE, command_of, proprioce
 from ...robot.planning.course import require_legs
 from ...robot.planning.free_floor import FreeFloor
 from ...views.drawn_bodies import DrawnBody
-from ...views.head_image import SIZE_PX, HeadCamera, HeadView, Sight
+from ...views.head_image import SIZE_PX, HeadCamera, HeadView
+from ...views.room_looks import RoomLooks, Sight, SplatLooks
 from .chairs import CHAIRS
 from .episode import STEP_S, Episode
 from .randomization import Randomization
+from .reference_room import REFERENCE_RANDOMIZATION, ReferenceRoom
 from .starts import Start, draw_start
 from .state import PrivilegedState
 from .training_scene import TrainingScene
@@ -57,6 +59,7 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         asset: str | Path = "",
         chairs: Sequence[str] = (),
         randomization: Randomization | None = None,
+        reference: str | Path = "",
         max_seconds: float = 40.0,
         render_mode: str | None = None,
     ) -> None:
@@ -64,8 +67,11 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
 
         ``robot``, ``scope`` and ``asset`` stand in for the bundle's own. With ``chairs``, names of
         ``CHAIRS``, one of these kinds stands in every episode's room, and is what is sat on.
-        ``randomization`` is ``Randomization()`` if it is not given. Raises SettingsError for kinds and
-        modes that are none, and what ``TrainingScene.open`` raises.
+        With ``reference``, a reference room's folder, they take place there instead, on its geometry and in
+        its light, and begin where those of the same seed begin in the scene. ``randomization`` is
+        ``Randomization()`` if it is not given, in a reference room ``REFERENCE_RANDOMIZATION``. Raises
+        SettingsError for kinds and modes that are none, and what ``TrainingScene.open`` and
+        ``ReferenceRoom.open`` raise.
         """
         unknown = sorted(set(chairs) - set(CHAIRS))
         if unknown:
@@ -80,10 +86,16 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         """What an action of 1 and of -1 is."""
         self._chairs = tuple(chairs)
         self._drawn_chairs = {name: DrawnBody.of(CHAIRS[name].shape()) for name in self._chairs}
-        self._randomization = randomization or Randomization()
+        self._reference = ReferenceRoom.open(Path(reference), self.scene) if reference else None
+        played: TrainingScene = self.scene
+        looks: RoomLooks = SplatLooks(self.scene.asset)
+        if self._reference is not None:
+            played, looks = self._reference.scene, self._reference.looks
+        usual = REFERENCE_RANDOMIZATION if reference else Randomization()
+        self._randomization = randomization or usual
         self._max_steps = round(max_seconds / STEP_S)
-        self._episode = Episode(self.scene, self._chairs, self.limits)
-        self._camera = HeadCamera(self.scene.asset, self.scene.robot)
+        self._episode = Episode(played, self._chairs, self.limits)
+        self._camera = HeadCamera(looks, self.scene.robot)
         self._start: Start | None = None
         self._sight: Sight | None = None
         self.action_space = spaces.Box(-1.0, 1.0, (SIZE,), np.float32)
@@ -100,7 +112,7 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
     @property
     def floor(self) -> FreeFloor:
         """Where the robot may stand in this episode: without its chair."""
-        return self.scene.floor if self._start is None else self._start.floor
+        return self._episode.scene.floor if self._start is None else self._start.floor
 
     @property
     def state(self) -> PrivilegedState:
@@ -129,6 +141,8 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         """
         super().reset(seed=seed)
         start = draw_start(self.scene, self.sits, self._chairs, self.np_random)
+        if self._reference is not None:
+            start = self._reference.start(start)
         drawn = self._randomization.drawn(self.np_random, HeadView.of(self.scene.robot))
         if options and "start" in options:
             start = start.at(*_start_of(options["start"]))

@@ -46,7 +46,7 @@ class Episode:
     """
 
     def __init__(self, scene: TrainingScene, chairs: Sequence[str] = (), limits: DriveLimits | None = None) -> None:
-        self._scene, self._chairs = scene, tuple(chairs)
+        self.scene, self._chairs = scene, tuple(chairs)
         furnish = partial(add_chairs, names=self._chairs)
         self.composition = compose(scene.robot, scene.collision_mjcf, scene.settings, step_s=PHYSICS_S, furnish=furnish)
         model = self.composition.model
@@ -59,7 +59,7 @@ class Episode:
 
     def start(self, start: Start, drawn: Drawn) -> None:
         """Begin anew. The same arguments give the same episode to the bit, whatever was before."""
-        model, scene, chair = self.composition.model, self._scene, start.chair
+        model, scene, chair = self.composition.model, self.scene, start.chair
         for array, values in self._as_compiled.items():
             getattr(model, array)[:] = values
         model.geom_friction[:, 0] *= drawn.friction
@@ -103,8 +103,8 @@ class Episode:
         if self.reason:
             return False
         if self._start.goal_m is None:
-            return self._meter.seated_s >= self._scene.scope.sit_on.hold_s
-        near = math.dist(self.data.qpos[:2], self._start.goal_m) <= self._scene.scope.failures.goal_distance_m
+            return self._meter.seated_s >= self.scene.scope.sit_on.hold_s
+        near = math.dist(self.data.qpos[:2], self._start.goal_m) <= self.scene.scope.failures.goal_distance_m
         stood = len(self._places) > _STANDS_STEPS and math.dist(self._places[0], self._places[-1]) < _STANDS_WITHIN_M
         return near and stood
 
@@ -139,7 +139,7 @@ class Episode:
 
     def proprioception(self, last_action: np.ndarray) -> np.ndarray:
         """``drive_actions.proprioception`` after the ``last_action`` (4,)."""
-        return proprioception(self.data, self.composition, self._scene.robot.rest_qpos, last_action)
+        return proprioception(self.data, self.composition, self.scene.robot.rest_qpos, last_action)
 
 
 def judged_scope(scene: TrainingScene) -> BehaviourScope:

@@ -25,7 +25,8 @@ from ...robot.scope.scope import BehaviourScope
 from ...splats.formats.registry import load_asset
 from ...splats.kernels.packing import PackedGaussians
 
-_TURN_M = 0.5  # a turn by a radian counts like a step of this, where places to sit are compared
+TURN_M = 0.5
+"""A turn by a radian counts like a step of this, where places to sit are compared."""
 
 
 @dataclass(frozen=True)
@@ -109,5 +110,5 @@ def _in_the_middle(places: Sequence[Seat]) -> Seat:
     edges = np.array([seat.edge_m for seat in places])
     yaws = np.array([seat.yaw_rad for seat in places])
     turns = np.abs(np.angle(np.exp(1j * (yaws[:, None] - yaws))))
-    apart = np.linalg.norm(edges[:, None] - edges, axis=2) + _TURN_M * turns
+    apart = np.linalg.norm(edges[:, None] - edges, axis=2) + TURN_M * turns
     return places[int(apart.sum(axis=1).argmin())]

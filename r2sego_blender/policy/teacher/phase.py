@@ -40,7 +40,9 @@ class Phase:
 
 # The base is upright above this share of its standing height.
 _UPRIGHT = 0.88
-_ARRIVED_M, _LEFT_M = 0.12, 0.3
+_ARRIVED_M, _LEFT_M = 0.12, 0.9
+# Who is so near to the place before the seat, and so far turned away from it, steps there without turning round.
+_STEP_THERE_M, _STEP_THERE_RAD = 0.6, 1.2
 _TURNED_RAD, _LATERAL_M = 0.06, 0.04
 # Backing up is given up beyond these, and begun from within their halves.
 _ASTRAY_RAD, _ASTRAY_M = 0.35, 0.16
@@ -100,7 +102,8 @@ def begun(state: PrivilegedState, seat: Seat, standing_m: float) -> Phase:
         return Phase(Name.BACK_UP, now)
     if near and frame.along_m < seat.approach_m - _ARRIVED_M and abs(frame.lateral_m) < seat.approach_m:
         return Phase(Name.STEP_AHEAD, now)
-    if np.linalg.norm(state.base_xy_m - seat.ahead(seat.approach_m)) < _ARRIVED_M:
+    away_m = np.linalg.norm(state.base_xy_m - seat.ahead(seat.approach_m))
+    if away_m < _ARRIVED_M or (away_m < _STEP_THERE_M and abs(frame.error_rad) < _STEP_THERE_RAD):
         return Phase(Name.TURN, now, side_of(frame.error_rad))
     return Phase(Name.APPROACH, now)
 
@@ -129,7 +132,7 @@ def following(phase: Phase, state: PrivilegedState, seat: Seat, standing_m: floa
             return replace(phase, name=Name.STEP_AHEAD, since_s=now)
         case Name.STEP_AHEAD if away_m < _ARRIVED_M or frame.along_m > seat.approach_m:
             return turning
-        case Name.STEP_AHEAD if frame.along_m < -0.1 or abs(frame.lateral_m) > 2.0 * _LEFT_M:
+        case Name.STEP_AHEAD if frame.along_m < -0.1 or abs(frame.lateral_m) > _STEP_THERE_M:
             return replace(phase, name=Name.APPROACH, since_s=now)
         case Name.BACK_UP if before and frame.is_aligned(_SIT_WITHIN_RAD, _SIT_WITHIN_M):
             return replace(phase, name=Name.SIT, since_s=now)
@@ -140,7 +143,7 @@ def following(phase: Phase, state: PrivilegedState, seat: Seat, standing_m: floa
         case Name.SIT | Name.HOLD if frame.along_m > stand_off_m(phase) + 4.0 * _BEFORE_SEAT_M:
             return replace(phase, name=Name.BACK_UP, since_s=now)
         case Name.BACK_UP if frame.along_m > seat.approach_m + _LEFT_M:
-            return replace(phase, name=Name.APPROACH, since_s=now)
+            return replace(begun(state, seat, standing_m), tries=phase.tries)
         case Name.SIT | Name.HOLD:  # patience counts from when it is no longer upright
             return replace(phase, name=Name.SIT, since_s=now)
     return phase

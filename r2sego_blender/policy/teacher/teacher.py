@@ -69,7 +69,7 @@ class Teacher:
                 moved = self._towards(wanted, state, _BACK_M_S)
                 return self._within(_Velocity(moved.ahead, moved.left, _TURN_GAIN * frame.error_rad)), now
             case Name.TURN:
-                moved = self._towards(turning_place, state, _BACK_M_S)
+                moved = self._towards(self._way_to(turning_place, state.base_xy_m)[0], state, _BACK_M_S)
                 turn = frame.error_rad
                 if now.side and turn * now.side < 0.0:
                     turn += math.copysign(math.tau, now.side)
@@ -86,11 +86,8 @@ class Teacher:
 
     def _along_way(self, goal: np.ndarray, state: PrivilegedState) -> _Velocity:
         """Along the way to ``goal`` (2,), looking ahead; from where it may not stand without a turn."""
-        key = (float(goal[0]), float(goal[1]))
-        if key not in self._ways:
-            self._ways[key] = CostToGo(self.floor, goal)
         place = state.base_xy_m
-        aim, left_m = self._ways[key].aim(place, _LOOK_AHEAD_M)
+        aim, left_m = self._way_to(goal, place)
         if not self.floor.is_free(place):
             return self._towards(aim, state, _BACK_M_S)
         error = math.remainder(math.atan2(aim[1] - place[1], aim[0] - place[0]) - state.yaw_rad, math.tau)
@@ -99,6 +96,13 @@ class Teacher:
         speed = max(_SLOWEST_M_S, min(speed, math.sqrt(2.0 * _DECELERATION_M_S2 * left_m) * 0.8))
         within = np.interp(clearance_m, (0.05, _OPEN_M), (_WALK_AT_EDGE_WITHIN_RAD, _WALK_WITHIN_RAD))
         return _Velocity(speed * max(0.0, 1.0 - abs(error) / float(within)), 0.0, _TURN_GAIN * error)
+
+    def _way_to(self, goal: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, float]:
+        """Where the way from ``place`` to ``goal``, (2,) both, leads straight ahead, and how long it is."""
+        key = (float(goal[0]), float(goal[1]))
+        if key not in self._ways:
+            self._ways[key] = CostToGo(self.floor, goal)
+        return self._ways[key].aim(place, _LOOK_AHEAD_M)
 
     def _towards(self, place: np.ndarray, state: PrivilegedState, speed_m_s: float) -> _Velocity:
         """Straight to ``place`` (2,), in any direction, without turning."""

@@ -11,6 +11,9 @@ from .commanded_drive import DriveCommand, DriveLimits
 SIZE = 4
 """Ahead, left and turning left, as shares of the drive's limits; above 0 the last says to sit."""
 
+NAMES = ("vx", "vy", "yaw_rate", "sit")
+"""Of these numbers."""
+
 MOST = 1000.0
 """Bound of what is felt; a robot that falls stays far below."""
 

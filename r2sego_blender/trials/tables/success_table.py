@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
+from ...core.formatting import latex_text, markdown_cell
 from .counts import PolicyCount
 from .statistics import Difference, Spread
 
@@ -63,7 +64,9 @@ class SuccessTable:
     def markdown(self) -> str:
         """For people: the table, counts by seed, differences and what they are of."""
         lines = ["| Training scene | Sim (%, mean ± std) | Real (%, mean ± std) |", "| --- | ---: | ---: |"]
-        lines += [f"| {_cell(row.condition)} | {_plain(row.simulated)} | {_plain(row.real)} |" for row in self.rows]
+        lines += [
+            f"| {markdown_cell(row.condition)} | {_plain(row.simulated)} | {_plain(row.real)} |" for row in self.rows
+        ]
         lines += ["", *self.notes()]
         return "\n".join(lines) + "\n"
 
@@ -95,7 +98,7 @@ class SuccessTable:
             r"  \midrule",
         ]
         for row in self.rows:
-            cells = [_escaped(row.condition), _maths(row.simulated), _maths(row.real)]
+            cells = [latex_text(row.condition), _maths(row.simulated), _maths(row.real)]
             if row.real and row.real.mean == best:
                 cells = [rf"\textbf{{{cell}}}" for cell in cells]
             lines.append(rf"  {' & '.join(cells)} \\")
@@ -171,15 +174,3 @@ def _plain(spread: Spread | None) -> str:
 def _maths(spread: Spread | None) -> str:
     mean, std = _texts(spread)
     return rf"{mean} $\pm$ {std}" if std else mean or "--"
-
-
-def _cell(text: str) -> str:
-    return text.replace("\\", "\\\\").replace("|", "\\|")
-
-
-_LATEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
-_LATEX |= {sign: f"\\{sign}" for sign in "&%$#_{}"}
-
-
-def _escaped(text: str) -> str:
-    return "".join(_LATEX.get(sign, sign) for sign in text)

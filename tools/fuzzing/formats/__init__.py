@@ -2,7 +2,21 @@
 
 from __future__ import annotations
 
-from . import bundles, captures, declared, objects, pictures, robots, splats, tokens, training, trials, views, workers
+from . import (
+    bundles,
+    captures,
+    declared,
+    experiments,
+    objects,
+    pictures,
+    robots,
+    splats,
+    tokens,
+    training,
+    trials,
+    views,
+    workers,
+)
 
 HARNESSES = (
     *splats.HARNESSES,
@@ -13,6 +27,7 @@ HARNESSES = (
     *tokens.HARNESSES,
     *training.HARNESSES,
     *declared.HARNESSES,
+    *experiments.HARNESSES,
     *bundles.HARNESSES,
     *views.HARNESSES,
     *trials.HARNESSES,

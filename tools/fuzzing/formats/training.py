@@ -1,4 +1,4 @@
-"""What a training of a policy leaves: recorded episodes, checkpoints, and evaluations that are kept."""
+"""What a training of a policy leaves, episodes, checkpoints and kept evaluations, and the light it is tested in."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def _evaluation(folder: Path) -> None:
     from r2sego_blender.results.policy_evaluation import PolicyEvaluation
 
     failures = {"fall": 2, "missed_target": 1}
-    PolicyEvaluation("teacher", "a drive", "a.ply", ("stool",), 7, 10, 0.35, 0.93, failures, 14.5).save(folder)
+    PolicyEvaluation("teacher", "a drive", "a.ply", "", ("stool",), 7, 10, 0.35, 0.93, failures, 14.5).save(folder)
 
 
 def _read_evaluation(folder: Path) -> Any:
@@ -74,7 +74,25 @@ def _read_evaluation(folder: Path) -> Any:
     return read, read.by_end, read.policy_name
 
 
+def _light_field(folder: Path) -> None:
+    from r2sego_blender.geometry.texture.surface_light_field import SurfaceLightField
+
+    vertices = np.array([[-1, -1, 2], [1, -1, 2], [1, 1, 2], [-1, 1, 2]], np.float32)
+    faces, texels = (np.array(rows, np.int32) for rows in ([[0, 1, 2], [0, 2, 3]], [[3, 2], [2, 2]]))
+    light = np.linspace(-1.0, 2.0, 10 * 4 * 3, dtype=np.float32).reshape(10, 4, 3)
+    SurfaceLightField(vertices, faces, texels, light, np.zeros(3, np.float32)).save(folder / "light.npz")
+
+
+def _read_light_field(folder: Path) -> Any:
+    from r2sego_blender.core.cameras import Camera
+    from r2sego_blender.geometry.texture.surface_light_field import SurfaceLightField
+
+    field = SurfaceLightField.load(folder / "light.npz")
+    return field, field.render(Camera(8, 6, 6.0, 6.0, 4.0, 3.0, np.eye(4)))
+
+
 HARNESSES = (
+    Harness("training/light", _light_field, "light.npz", "npz", _read_light_field),
     Harness("training/evaluation.json", _evaluation, "evaluation.json", "json", _read_evaluation),
     Harness("training/episode", _episode, "000000/steps.npz", "npz", _read_episode),
     Harness("training/pictures", _episode, "000000/pictures.raw", "bytes", _read_episode, share=0.2),

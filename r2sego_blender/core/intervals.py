@@ -1,0 +1,20 @@
+"""Intervals of confidence of means over few independent runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+CONFIDENCE = 0.95
+
+Interval = tuple[float, float]
+
+
+def student_interval(values: Sequence[float] | np.ndarray) -> Interval:
+    """Student's interval of the mean of ``values`` (n,), two at least, independent of each other."""
+    from scipy import stats
+
+    found = np.asarray(values, np.float64)
+    reach = stats.t.ppf(0.5 + CONFIDENCE / 2.0, len(found) - 1) * found.std(ddof=1) / np.sqrt(len(found))
+    return float(found.mean() - reach), float(found.mean() + reach)

@@ -1,0 +1,121 @@
+"""An experiment in its folder: what is to be done, what is done, and its tables. One process at a time runs it."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..core.errors import ExperimentError
+from ..core.file_locks import try_lock
+from ..core.formatting import counted
+from ..core.progress import SILENT, Progress
+from .cells import Cell, cells_of
+from .gathering import gather
+from .inputs import fixed_inputs
+from .local_runner import Expectations, LocalRunner, Scheduler
+from .plan import Plan
+from .records import Record, read_record
+from .running import PROGRAM, Outcome, run_cell
+
+LOCK = ".lock"
+
+DONE, BEGUN, LEFT = "done", "begun", "left"
+"""What a cell may be."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """The cells of a plan in a folder, and the records of those that are done, by their folders."""
+
+    plan: Plan
+    folder: Path
+    cells: tuple[Cell, ...]
+    records: Mapping[Path, Record]
+
+    @staticmethod
+    def of(plan: Plan, folder: Path, progress: Progress = SILENT, write: bool = True) -> Experiment:
+        """What the folder holds of a plan; its inputs are fixed there, unless nothing may be written.
+
+        Raises as ``fixed_inputs``. Records that are damaged, or of what a cell was made of before, do not count.
+        """
+        folder = folder.absolute()
+        cells = cells_of(plan, fixed_inputs(plan, folder, write), folder)
+        records = {}
+        for cell in cells:
+            try:
+                record = read_record(cell.folder)
+            except ExperimentError as error:
+                progress.message(f"{error} It is made again.", "warning")
+                continue
+            if record is not None and record.key == cell.key:
+                records[cell.folder] = record
+        return Experiment(plan, folder, cells, records)
+
+    @property
+    def left(self) -> tuple[Cell, ...]:
+        """The cells that are not done, in their order."""
+        return tuple(cell for cell in self.cells if cell.folder not in self.records)
+
+    def state(self, cell: Cell) -> str:
+        """DONE, BEGUN or LEFT."""
+        return DONE if cell.folder in self.records else BEGUN if cell.bundle.exists() else LEFT
+
+    def expected(self) -> Expectations:
+        """What its cells take, by those that are done."""
+        found = Expectations(self.plan.memory_mb)
+        for cell in self.cells:
+            if cell.folder in self.records:
+                found.learn(cell, self.records[cell.folder])
+        return found
+
+
+@contextlib.contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Within its ``with`` block no other process runs the experiment in the folder, which is made where it is missing.
+
+    Raises ExperimentError where one does.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / LOCK).open("ab") as file:
+        if not try_lock(file):
+            raise ExperimentError(
+                "another process runs this experiment", where=folder, cure="Wait until it has ended, or end it."
+            )
+        yield
+
+
+def run_experiment(
+    plan: Plan,
+    folder: Path,
+    processes: int = 0,
+    progress: Progress = SILENT,
+    program: Sequence[str] = PROGRAM,
+    scheduler: Scheduler | None = None,
+) -> tuple[Experiment, Mapping[Path, str]]:
+    """Run what is left of a plan, with tables after each cell; the experiment, and the cells that failed, with why.
+
+    ``processes`` are of the local runner (0: as many as fit), unless another ``scheduler`` does the cells with
+    ``program``. Raises ExperimentError as ``alone`` and ``Experiment.of``.
+    """
+    with alone(folder):
+        found = Experiment.of(plan, folder, progress)
+        records = dict(found.records)
+        found = Experiment(plan, found.folder, found.cells, records)  # which grows
+        progress.message(f"{counted(len(found.cells), 'cell')}, {len(records)} done before")
+        gather(plan, found.cells, records, found.folder)
+
+        def told(cell: Cell, outcome: Outcome, again: bool) -> None:
+            if outcome.record is None:
+                rest = "; it is tried again" if again else ""
+                progress.message(f"{cell.name}: {outcome.failure}{rest}", "warning")
+                return
+            records[cell.folder] = outcome.record
+            progress.message(f"{cell.name}: done")
+            gather(plan, found.cells, records, found.folder)
+
+        local = LocalRunner(found.expected(), processes, say=progress.message)
+        failures = (scheduler or local)(found.left, functools.partial(run_cell, program=program), told)
+        return found, failures

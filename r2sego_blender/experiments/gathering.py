@@ -1,0 +1,94 @@
+"""What an experiment's records come to: ``metrics.json``, tables, and the capture-count curve, in its folder."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ..core.atomic_files import write_whole
+from ..core.formatting import counted
+from .capture_curve import catching_up, curve_figure, curves_of
+from .cells import Cell
+from .plan import Plan
+from .records import Record
+from .score_table import KINDS, Measured, latex, markdown, rows_of, worth_of_views
+
+METRICS, MARKDOWN, LATEX, FIGURES = "metrics.json", "tables.md", "tables.tex", "figures"
+
+
+def gather(plan: Plan, cells: Sequence[Cell], records: Mapping[Path, Record], folder: Path) -> None:
+    """Write everything that the ``records`` of the plan's ``cells`` say, by the cells' folders, into ``folder``.
+
+    The same bytes for the same records, whatever was done first. Raises OSError.
+    """
+    done = [(cell, records[cell.folder]) for cell in cells if cell.folder in records]
+    entries = [entry for cell, record in done for entry in _entries(cell, record)]
+    write_whole(folder / METRICS, json.dumps({"cells": entries}, indent=1, sort_keys=True, allow_nan=False) + "\n")
+    rows = rows_of([one for cell, record in done for one in _measured(cell, record)])
+    curves = curves_of(rows)
+    notes = [
+        *worth_of_views(rows),
+        *filter(None, map(catching_up, curves.values())),
+        *_frozen(plan, cells),
+        *_made_by(done),
+    ]
+    if missing := len(cells) - len(done):
+        notes.append(f"Incomplete: {counted(missing, 'cell')} of {len(cells)} not done, and in no figure.")
+    write_whole(folder / MARKDOWN, markdown(rows, notes))
+    write_whole(folder / LATEX, latex(rows, notes))
+    (folder / FIGURES).mkdir(exist_ok=True)
+    for (preset, scene), own in curves.items():
+        write_whole(folder / FIGURES / f"captures-{preset}-{scene.replace(' ', '_')}.svg", curve_figure(own))
+
+
+def _measured(cell: Cell, record: Record) -> Iterator[Measured]:
+    for arm, scored in record.arms.items():
+        scores = {kind: scored[kind] for kind in KINDS if scored[kind] is not None}
+        scores["psnr"] = _psnr(scored)
+        views = {view["name"]: _psnr(view) for view in scored["views"]}
+        yield Measured(cell.preset.name, cell.scene.name, cell.captures, cell.seed, arm, scores, views)
+
+
+def _psnr(scored: Mapping[str, Any]) -> float:
+    found = scored["psnr"]
+    return math.inf if found is None else float(found)
+
+
+def _entries(cell: Cell, record: Record) -> Iterator[dict[str, Any]]:
+    """What ``metrics.json`` says of each arm of a cell."""
+    common = {
+        "scene": cell.scene.name,
+        "captures": cell.captures,
+        "preset": cell.preset.name,
+        "settings": {"preset": cell.preset.preset, "overrides": dict(cell.preset.overrides)},
+        "seed": cell.seed,
+        "key": record.key,
+        "frozen_sha256": cell.inputs.frozen_sha256,
+        "seconds": round(record.seconds, 3),
+        "peak_mb": record.peak_mb,
+        "stages": [vars(stage) for stage in record.stages],
+        "steps": dict(record.steps),
+        "assets": dict(record.assets),
+        "made_by": dict(record.made_by),
+        "finished": record.finished,
+    }
+    for arm, scored in sorted(record.arms.items()):
+        yield {**common, "arm": arm, **scored}
+
+
+def _frozen(plan: Plan, cells: Sequence[Cell]) -> Iterator[str]:
+    """The frozen lists, fixed before anything ran."""
+    inputs = {cell.scene.name: cell.inputs for cell in cells}
+    for scene in plan.scenes:
+        of_scene = inputs[scene.name]
+        yield f"{scene.name}: {counted(len(of_scene.frozen), 'frozen view')}, SHA-256 {of_scene.frozen_sha256}."
+
+
+def _made_by(done: Sequence[tuple[Cell, Record]]) -> Iterator[str]:
+    """Every version, commit and machine that made some of it."""
+    for key in ("version", "commit", "processor", "system"):
+        if values := sorted({record.made_by.get(key, "") for _, record in done} - {""}):
+            yield f"Made by {key} {', '.join(values)}."

@@ -1,0 +1,142 @@
+"""The record of a cell that is done: its scores, what it took, and what made it. Its key is what it was made from."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import platform
+import subprocess
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from .. import __version__
+from ..core.atomic_files import write_whole
+from ..core.errors import ExperimentError
+from ..core.json_files import finite_number, read_json
+
+RECORD = "record.json"
+"""The file in a cell's folder."""
+
+_LARGEST = 1e15  # seconds, MB, dB: sums of them stay finite
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One command of a cell: seconds on the clock and of the processors, and the most memory, where that is known."""
+
+    name: str
+    seconds: float
+    cpu_s: float | None
+    peak_mb: float | None
+
+
+@dataclass(frozen=True)
+class Record:
+    """What a finished cell leaves.
+
+    ``key`` is the cell's. ``arms`` are the bundle's scores (``report/metrics.json``), ``assets`` the digests of what
+    was scored; ``stages`` are the commands of the last run, and ``steps`` the seconds of every step of its bundle,
+    whenever it was made. ``made_by`` says version, commit and machine, ``finished`` when, in seconds since 1970.
+    """
+
+    key: str
+    arms: Mapping[str, Any]
+    assets: Mapping[str, str]
+    stages: tuple[Stage, ...]
+    steps: Mapping[str, float]
+    made_by: Mapping[str, str]
+    finished: float
+
+    @property
+    def seconds(self) -> float:
+        """On the clock, of all its stages, also those that an earlier run had done."""
+        return max(sum(stage.seconds for stage in self.stages), sum(self.steps.values()))
+
+    @property
+    def peak_mb(self) -> float | None:
+        """The most memory that one of its stages took, where that is known."""
+        return max((stage.peak_mb for stage in self.stages if stage.peak_mb is not None), default=None)
+
+    def write(self, folder: Path) -> None:
+        """Into a cell's folder, whole or not at all."""
+        write_whole(folder / RECORD, json.dumps(asdict(self), indent=1, sort_keys=True) + "\n")
+
+
+def read_record(folder: Path) -> Record | None:
+    """The record in a cell's folder, None where there is none. Raises ExperimentError for a damaged one."""
+    file = folder / RECORD
+    try:
+        data = read_json(file)
+        stages = tuple(
+            Stage(str(one["name"]), _number(one["seconds"]), *(_known(one[key]) for key in ("cpu_s", "peak_mb")))
+            for one in data["stages"]
+        )
+        return Record(
+            str(data["key"]),
+            {str(name): _scores(arm) for name, arm in data["arms"].items()},
+            {str(name): str(digest) for name, digest in data["assets"].items()},
+            stages,
+            {str(name): _number(seconds) for name, seconds in data["steps"].items()},
+            {str(name): str(value) for name, value in data["made_by"].items()},
+            _number(data["finished"]),
+        )
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise ExperimentError(
+            f"this record is damaged: {error}", where=file, cure="Remove it: the cell goes on from its bundle."
+        ) from error
+
+
+def _number(value: Any) -> float:
+    number = finite_number(value)
+    if abs(number) > _LARGEST:
+        raise ValueError(f"{value} is too large a number")
+    return number
+
+
+def _known(value: Any) -> float | None:
+    return None if value is None else _number(value)
+
+
+def _scores(arm: Any) -> dict[str, Any]:
+    """An arm's scores and those of each view; a PSNR of None is that of equal images."""
+    kinds = ("psnr", "ssim", "lpips_alex")
+    views = [{"name": str(view["name"]), **{kind: _known(view.get(kind)) for kind in kinds}} for view in arm["views"]]
+    return {**{kind: _known(arm.get(kind)) for kind in kinds}, "views": views}
+
+
+@cache
+def made_by() -> Mapping[str, str]:
+    """This version, its commit where it runs in a checkout, and this machine."""
+    return {
+        "version": __version__,
+        "commit": _commit(),
+        "processor": _processor(),
+        "cores": str(os.cpu_count() or ""),
+        "system": f"{platform.system()} {platform.machine()}",
+        "python": platform.python_version(),
+    }
+
+
+def _commit() -> str:
+    """The commit of this checkout, with a + where files differ; "" where it is none."""
+    root = Path(__file__).parents[2]
+    if not (root / ".git").exists():
+        return ""
+    command = ["git", "-C", str(root), "describe", "--always", "--abbrev=12", "--exclude=*", "--dirty=+"]
+    with contextlib.suppress(OSError, subprocess.SubprocessError):
+        return subprocess.run(command, capture_output=True, text=True, timeout=10.0).stdout.strip()
+    return ""
+
+
+def _processor() -> str:
+    with contextlib.suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()

@@ -1,0 +1,58 @@
+"""Many small pictures at a time: each thread draws pictures of its own, in place of all threads drawing one."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numba
+import numpy as np
+
+from ...core.cameras import Camera
+from ..kernels.packing import PackedGaussians
+from .rasterizer import Rasterizer
+
+_ONE_CALLER = "workqueue"
+"""The threading layer of Numba that ends the process when two threads call parallel kernels."""
+
+
+class BatchRasterizer:
+    """Colours of ``asset`` from many cameras of one size, drawn by ``threads``, as many as Numba has where it is 0.
+
+    A picture has the same bits as ``Rasterizer`` gives it. Pictures of thousands of pixels gain nothing by it. Use
+    it as a context: it ends its threads.
+    """
+
+    def __init__(self, asset: PackedGaussians, threads: int = 0) -> None:
+        self._asset, self._own = asset, threading.local()
+        self._threads = threads or numba.get_num_threads()
+        self._pool = ThreadPoolExecutor(self._threads, initializer=self._begin)
+
+    def __enter__(self) -> BatchRasterizer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._pool.shutdown(cancel_futures=True)
+
+    def colours(self, cameras: Sequence[Camera]) -> np.ndarray:
+        """(n, H, W, 3) float32, without a background."""
+        height, width = cameras[0].shape
+        drawn = np.empty((len(cameras), height, width, 3), np.float32)
+
+        def draw(first: int, step: int) -> None:
+            for number in range(first, len(cameras), step):
+                rasterizer: Rasterizer = self._own.rasterizer
+                rasterizer.forward(self._asset, cameras[number], with_depth=False)
+                drawn[number] = rasterizer.colour
+
+        # Who launched a kernel knows the threading layer: the first picture tells how many may be drawn at a time.
+        self._pool.submit(draw, 0, len(cameras)).result()
+        threads = 1 if numba.threading_layer() == _ONE_CALLER else self._threads
+        for done in [self._pool.submit(draw, 1 + number, threads) for number in range(threads)]:
+            done.result()
+        return drawn
+
+    def _begin(self) -> None:
+        numba.set_num_threads(1)  # of this thread alone
+        self._own.rasterizer = Rasterizer()

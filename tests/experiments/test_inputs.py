@@ -1,0 +1,178 @@
+"""Captures and frozen views are fixed before anything runs, and told apart."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from bundles import new_bundle
+from cameras_file import save_cameras_json
+from fake_experiment import PLAN, pictures
+
+from r2sego_blender.captures.capture import Capture
+from r2sego_blender.captures.store import save_captures
+from r2sego_blender.core.cameras import Camera, look_at
+from r2sego_blender.core.errors import ExperimentError
+from r2sego_blender.experiments.cells import cells_of
+from r2sego_blender.experiments.inputs import INPUTS, fixed_inputs
+from r2sego_blender.experiments.plan import Plan
+
+
+def posed(tmp_path, captures, frozen):
+    """``cameras.json`` of pictures by (name, x)."""
+    for file, places in (("captures", captures), ("frozen", frozen)):
+        views = [
+            Capture(name, tmp_path / folder / name, Camera(8, 6, 6.0, 6.0, 4.0, 3.0, look_at((x, 0, 1), (x, 2, 1))))
+            for folder, name, x in places
+        ]
+        save_cameras_json(tmp_path / f"{file}.json", views)
+    listed = {file: json.loads((tmp_path / f"{file}.json").read_text())["captures"] for file in ("captures", "frozen")}
+    whole = json.loads((tmp_path / "captures.json").read_text()) | listed
+    (tmp_path / "cameras.json").write_text(json.dumps(whole))
+    return tmp_path / "cameras.json"
+
+
+@pytest.fixture
+def posed_plan(plan_file, tmp_path):
+    order = (4, 0, 2, 1, 3, 5)
+    posed(tmp_path, [("room", f"{i:02d}.png", 0.1 * i) for i in order], [("held_out", f"{i}.png", i) for i in (20, 21)])
+    paths = 'captures = "room"\nposes = "cameras.json"\nfrozen = "cameras.json"\n'
+    plan_file.write_text(f"counts = [3, 5]\n[[scenes]]\n{paths}")
+    return Plan.load(plan_file)
+
+
+def folder_of(tmp_path):
+    (tmp_path / "out").mkdir(exist_ok=True)
+    return tmp_path / "out"
+
+
+def test_captures_are_in_the_order_of_their_poses(posed_plan, tmp_path):
+    inputs = fixed_inputs(posed_plan, folder_of(tmp_path))["room"]
+    assert [name for name, _ in inputs.captures] == [f"{i:02d}.png" for i in (4, 0, 2, 1, 3, 5)]
+    assert [name for name, _ in inputs.frozen] == ["20.png", "21.png"]
+    assert fixed_inputs(posed_plan, tmp_path / "out")["room"] == inputs
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda folder: pictures(folder / "room", 1, 0) or pictures(folder / "room", 1, 30), "captures"),
+        (lambda folder: shutil.copy(folder / "room/00.png", folder / "room/04.png"), "captures of the scene room"),
+        (
+            lambda folder: shutil.copy(folder / "held_out/20.png", folder / "held_out/21.png"),
+            "frozen of the scene room",
+        ),
+        (lambda folder: (folder / "held_out/20.png").unlink(), "frozen of the scene room"),
+    ],
+)
+def test_what_was_changed_since_is_refused_by_name(plan, tmp_path, change, told):
+    fixed_inputs(plan, folder_of(tmp_path))
+    change(tmp_path)
+    with pytest.raises(ExperimentError, match=told):
+        fixed_inputs(plan, tmp_path / "out")
+
+
+def test_a_frozen_pose_counts_as_much_as_its_picture(posed_plan, tmp_path):
+    before = fixed_inputs(posed_plan, folder_of(tmp_path))["room"].frozen_sha256
+    cameras = json.loads((tmp_path / "cameras.json").read_text())
+    cameras["frozen"][0]["world_from_camera"][0][3] += 1e-3
+    (tmp_path / "cameras.json").write_text(json.dumps(cameras))
+    (tmp_path / "another").mkdir()
+    assert fixed_inputs(posed_plan, tmp_path / "another")["room"].frozen_sha256 != before
+    with pytest.raises(ExperimentError, match="room are not as they were"):
+        fixed_inputs(posed_plan, tmp_path / "out")
+
+
+def test_a_frozen_view_with_a_captures_picture_is_refused_by_name(plan, tmp_path):
+    shutil.copy(tmp_path / "room/02.png", tmp_path / "held_out/30.png")
+    with pytest.raises(ExperimentError, match=r"30\.png is 02\.png"):
+        fixed_inputs(plan, folder_of(tmp_path))
+
+
+def test_a_frozen_view_with_a_captures_pose_is_refused_by_name(posed_plan, tmp_path):
+    folder_of(tmp_path)
+    cameras = json.loads((tmp_path / "cameras.json").read_text())
+    for index, is_input in ((4, True), (5, False)):  # of six, five are inputs
+        cameras["frozen"][1]["world_from_camera"] = cameras["captures"][index]["world_from_camera"]
+        (tmp_path / "cameras.json").write_text(json.dumps(cameras))
+        if is_input:
+            with pytest.raises(ExperimentError, match=r"21\.png is 03\.png"):
+                fixed_inputs(posed_plan, tmp_path / "out")
+        else:
+            fixed_inputs(posed_plan, tmp_path / "out")
+
+
+def test_counts_beyond_the_captures_are_refused(plan, plan_file, tmp_path):
+    plan_file.write_text(PLAN.replace("[3, 5]", "[3, 7]"))
+    with pytest.raises(ExperimentError, match="room has 6 captures, and 7 are asked for"):
+        fixed_inputs(Plan.load(plan_file), folder_of(tmp_path))
+
+
+@pytest.mark.parametrize("text", ["", "{}", '{"version": "0", "scenes": {}}', '{"version": "0", "scenes": {"a": 1}}'])
+def test_a_file_that_is_damaged_or_of_another_version_is_refused(plan, tmp_path, text):
+    (folder_of(tmp_path) / INPUTS).write_text(text)
+    with pytest.raises(ExperimentError, match=INPUTS):
+        fixed_inputs(plan, tmp_path / "out")
+
+
+def test_what_is_only_looked_at_is_not_fixed(plan, tmp_path):
+    fixed_inputs(plan, tmp_path / "out", write=False)
+    assert not (tmp_path / "out").exists()
+
+
+def keys(plan, tmp_path):
+    """The cells' keys by seed and count, of what lies there now."""
+    found = cells_of(plan, fixed_inputs(plan, tmp_path / "out", write=False), tmp_path / "out")
+    assert len({cell.folder for cell in found}) == len(found)
+    return {(cell.seed, cell.captures): cell.key for cell in found}
+
+
+def test_a_cells_key_changes_with_all_that_it_is_made_of_and_with_nothing_else(plan_file, tmp_path):
+    text = PLAN + '[[presets]]\npreset = "preview"\n'
+
+    def keys_of(changed):
+        plan_file.write_text(changed)
+        return keys(Plan.load(plan_file), tmp_path)
+
+    before = keys_of(text)
+    assert len(set(before.values())) == 4
+    same = (
+        text.replace("[0, 1]", "[0, 1, 5]"),
+        text.replace('"vanilla_3dgs", "same_points", "refined"', '"refined", "vanilla_3dgs", "same_points"'),
+        text + 'overrides = { rounds = 2 }\nname = "another"\n',  # as preview has them
+        text.replace("[0, 1]", "[0, 1]\nthreads = 2\nmemory_mb = 10"),
+    )
+    for changed in same:
+        assert before.items() <= keys_of(changed).items()
+    other = (
+        text + "overrides = { rounds = 1 }\n",
+        text.replace('"same_points", ', ""),
+        text.replace('captures = "room"', 'captures = "room"\ncamera_height = "1.2"'),
+        text.replace('captures = "room"', 'captures = "room"\noverrides = { captures.max_side_px = 99 }'),
+    )
+    for changed in other:
+        assert not set(before.values()) & set(keys_of(changed).values())
+    pictures(tmp_path / "held_out", 1, 30)
+    assert not set(before.values()) & set(keys_of(text).values())
+
+
+def test_a_bundles_own_captures_and_edits_are_fixed(plan_file, tmp_path):
+    camera = Camera(8, 6, 6.0, 6.0, 4.0, 3.0, np.eye(4))
+
+    def fill(place):
+        (place / "captures").mkdir()
+        save_captures(place / "captures", [Capture(f"{i}", tmp_path / f"room/0{i}.png", camera) for i in range(3)])
+
+    scene = new_bundle(tmp_path / "made.r2s", fill)
+    plan_file.write_text('[[scenes]]\ncaptures = "made.r2s"\nfrozen = "held_out"\n')
+    plan = Plan.load(plan_file)
+    (cell,) = cells_of(plan, fixed_inputs(plan, folder_of(tmp_path)), tmp_path / "out")
+    assert cell.captures == 3 and cell.imported == scene.path and cell.shared is None
+    scene.declare(overrides={"rounds": 1})  # which the plan's presets decide
+    fixed_inputs(plan, tmp_path / "out")
+    (scene.path / "objects").mkdir()
+    (scene.path / "objects/chair.json").write_text("{}")
+    with pytest.raises(ExperimentError, match=r"poses of the scene made\.r2s"):
+        fixed_inputs(plan, tmp_path / "out")

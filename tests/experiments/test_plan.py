@@ -1,0 +1,83 @@
+"""A plan is read whole or refused with the key that is wrong and the cure."""
+
+from __future__ import annotations
+
+import pytest
+from bundles import new_bundle
+from fake_experiment import PLAN
+
+from r2sego_blender.config.presets import preset, with_overrides
+from r2sego_blender.core.errors import ExperimentError
+from r2sego_blender.evaluation.arms import ARMS
+from r2sego_blender.experiments.plan import Plan, PlannedPreset
+
+SCENE = '[[scenes]]\ncaptures = "room"\nfrozen = "held_out"\n'
+
+
+def load(file, text):
+    file.write_text(text)
+    return Plan.load(file)
+
+
+def test_paths_are_the_plans_and_names_the_folders(plan, plan_file, monkeypatch, tmp_path):
+    monkeypatch.chdir("/")
+    (scene,) = plan.scenes
+    assert (scene.captures, scene.frozen) == (tmp_path / "room", tmp_path / "held_out")
+    assert scene.name == "room" and scene.poses is None and not scene.is_bundle
+    assert plan.counts == (3, 5) and plan.seeds == (0, 1) and plan.presets == (PlannedPreset("paper", "paper"),)
+    plain = load(plan_file, SCENE)
+    assert plain.arms == tuple(ARMS) and plain.counts == () and plain.seeds == (0,)
+
+
+def test_settings_are_those_of_preset_overrides_and_seed(plan_file):
+    text = (
+        SCENE
+        + '[[presets]]\npreset = "preview"\nname = "short"\noverrides = { training.steps_per_round = 7, rounds = 1 }\n'
+    )
+    (one,) = load(plan_file, text).presets
+    expected = with_overrides({"training.steps_per_round": 7, "rounds": 1, "seed": 4}, preset("preview"))
+    assert one.name == "short" and one.settings(4) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "cure"),
+    [
+        ("sedes = [1]\n" + SCENE, "sedes", "Did you mean seeds?"),
+        ('arms = ["vanila_3dgs"]\n' + SCENE, "arms", "Did you mean vanilla_3dgs?"),
+        ("arms = []\n" + SCENE, "arms", "same_points"),
+        ("counts = [2]\n" + SCENE, "counts[0]", "from 3"),
+        ("counts = [3, 3]\n" + SCENE, "counts has 3 twice", "once"),
+        ("seeds = []\n" + SCENE, "seeds is empty", "at least one"),
+        ("seeds = [-1]\n" + SCENE, "seeds[0]", "from 0"),
+        ("counts = [6]\n", "scenes is empty", "at least one"),
+        (SCENE + SCENE, "scenes has room twice", "name of their own"),
+        (SCENE + SCENE.replace('"room"', '"ROOM"'), "twice", "name of their own"),
+        (SCENE + 'name = "a/b"\n', "scenes[0].name", "letters, digits"),
+        ('[[scenes]]\ncaptures = "room"\n', "scenes[0].frozen is missing", ""),
+        (SCENE + "overrides = { rounds = 2 }\n", "scenes[0].overrides.rounds", "preset's"),
+        (SCENE + "[[presets]]\noverrides = { captures.max_side_px = 320 }\n", "presets[0].overrides", "scene's"),
+        (SCENE + "[[presets]]\noverrides = { seed = 3 }\n", "presets[0].overrides.seed", "all others but seed"),
+        (SCENE + "[[presets]]\noverrides = { training.steps = 3 }\n", "training.steps'", "training.steps_per_round"),
+        (SCENE + '[[presets]]\npreset = "papers"\n', "presets[0].preset", "paper"),
+        (SCENE + "[[presets]]\n" * 2, "presets has paper twice", "once"),
+        (f"seeds = {list(range(200))}\ncounts = {list(range(3, 60))}\n" + SCENE, "scenes make too many cells", "10000"),
+        ("seeds = [", "is no TOML", "docs/experiments.md"),
+    ],
+)
+def test_what_is_wrong_is_refused_by_its_key_with_the_cure(plan_file, text, key, cure):
+    with pytest.raises(ExperimentError) as refused:
+        load(plan_file, text)
+    assert key in str(refused.value) and cure in refused.value.cure and str(plan_file) in str(refused.value)
+
+
+def test_a_bundle_has_its_captures(plan_file, tmp_path):
+    new_bundle(tmp_path / "made.r2s")
+    of_bundle = SCENE.replace('"room"', '"made.r2s"')
+    assert load(plan_file, of_bundle).scenes[0].is_bundle
+    with pytest.raises(ExperimentError, match=r"scenes\[0\]\.captures is a bundle"):
+        load(plan_file, "counts = [3]\n" + of_bundle)
+
+
+def test_scenes_that_are_given_stand_in_place_of_the_plans(plan, plan_file):
+    plan_file.write_text(PLAN[: PLAN.index("[[scenes]]")])
+    assert Plan.load(plan_file, plan.scenes) == plan

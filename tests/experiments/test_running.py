@@ -1,0 +1,119 @@
+"""A cell's bundle: a copy that has the captures to the bit, and shares nothing that is written; and a real cell."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from small_bundle import bundle, splats
+
+from r2sego_blender.bundle.scene import Scene
+from r2sego_blender.commands.cli import main
+from r2sego_blender.config.settings import CaptureSettings
+from r2sego_blender.core.digests import content_digest
+from r2sego_blender.core.errors import R2SEgoError
+from r2sego_blender.core.images import load_image, resize, save_image
+from r2sego_blender.experiments.running import copy_bundle
+from r2sego_blender.refine.creation import create_scene
+from r2sego_blender.splats.asset import SplatAsset
+
+ROOM = Path(__file__).parents[2] / "demo" / "room"
+
+
+def test_a_copy_has_all_but_results_and_shares_no_lock_and_no_journal(tmp_path):
+    scene = bundle(tmp_path, [splats(0.5)], SplatAsset.empty())
+    scene.note(step="geometry/backdrop.ply", inputs="0", output="1", seconds=1.0)
+    for name in ("asset.ply", "collision/scene.xml", "report/index.html", "report/ground/a.jpg", "objects/chair.json"):
+        (scene.path / name).parent.mkdir(exist_ok=True)
+        (scene.path / name).write_text(name)
+    with scene.locked():
+        pass  # its lock lies there
+    copies = [tmp_path / "one.r2s", tmp_path / "two.r2s"]
+    for copy in copies:
+        copy_bundle(scene.path, copy)
+        for part in ("captures", "geometry", "objects", "report/ground", "scene.toml", "journal.jsonl"):
+            assert content_digest(copy / part) == content_digest(scene.path / part) != ""
+        assert not any(
+            (copy / part).exists() for part in ("asset.ply", "collision", "rounds", "report/index.html", ".lock")
+        )
+    before = content_digest(scene.path), content_digest(copies[1])
+    one, two = map(Scene.open, copies)
+    with one.locked(), two.locked():  # each by its own
+        one.note(step="geometry/depth", inputs="2", output="3")
+        one.declare(overrides={"seed": 5})
+        with one.publishing("geometry/backdrop.ply") as place:
+            place.write_text("another")
+    assert (content_digest(scene.path), content_digest(copies[1])) == before
+    assert Scene.open(copies[0]).declaration.settings.seed == 5
+
+
+def test_a_copy_is_whole_or_not_there(tmp_path):
+    scene = bundle(tmp_path, [splats(0.5)], SplatAsset.empty())
+    with scene.locked():
+        file = scene.captures_folder / "unreadable"
+        file.symlink_to(tmp_path / "nothing")
+        with pytest.raises((OSError, R2SEgoError)):
+            copy_bundle(scene.path, tmp_path / "copy.r2s")
+    assert not (tmp_path / "copy.r2s").exists() and not list(tmp_path.glob(".unfinished*"))
+
+
+PLAN = """
+counts = [3]
+arms = ["same_points", "refined"]
+[[scenes]]
+captures = "room"
+poses = "room/cameras.json"
+frozen = "room/cameras.json"
+overrides = { captures.matcher = "sift", captures.refine_poses = "never" }
+[[presets]]
+preset = "preview"
+name = "tiny"
+[presets.overrides]
+rounds = 1
+stereo = { max_side_px = 80, iterations = 3 }
+proxy.voxel_m = 0.15
+collision = { tolerance_m = 0.2, carrying_tolerance_m = 0.2, simplification_m = 0.5, cell_m = 2.0, min_cell_m = 1.0 }
+selection = { candidates = "flight", target_views = 1, scoring_scale = 0.25 }
+generation.clip_frames = 3
+training = { steps_per_round = 20, max_gaussians = 5000 }
+rollouts.successes = 1
+"""
+
+
+@pytest.mark.slow
+def test_the_demo_room_goes_from_photographs_to_a_table(tmp_path):
+    listed = json.loads((ROOM / "cameras.json").read_text())
+    listed |= {"captures": listed["captures"][:4], "frozen": listed["frozen"][:2]}
+    for entry in (*listed["captures"], *listed["frozen"]):
+        file = tmp_path / "room" / entry["file"]
+        file.parent.mkdir(parents=True, exist_ok=True)
+        save_image(file, resize(load_image(ROOM / entry["file"]), 160, 120))
+    (tmp_path / "room/cameras.json").write_text(json.dumps(listed))
+    (tmp_path / "plan.toml").write_text(PLAN)
+    asked = ["experiment", str(tmp_path / "plan.toml"), "--out", str(tmp_path / "out"), "--json"]
+    told = CliRunner().invoke(main, asked)
+    assert told.exit_code == 0, told.output
+    (cell,) = json.loads(told.stdout)["cells"]
+    assert cell["state"] == "done" and cell["name"] == "room, 3 captures, tiny, seed 0"
+    scene = Scene.open(Path(cell["folder"], "bundle.r2s"))
+    entries = json.loads((tmp_path / "out/metrics.json").read_text())["cells"]
+    scored = json.loads(scene.metrics_file.read_text())["arms"]
+    assert {entry["arm"]: entry["psnr"] for entry in entries} == {arm: one["psnr"] for arm, one in scored.items()}
+    by_arm = {entry["arm"]: entry for entry in entries}
+    assert by_arm["refined"]["psnr"] > by_arm["same_points"]["psnr"] + 2.0
+    assert by_arm["refined"]["assets"]["asset.ply"] == content_digest(scene.asset_file)
+    assert all(np.isfinite(entry["seconds"]) and len(entry["views"]) == 2 for entry in entries)
+    assert os.name == "nt" or 100.0 < by_arm["refined"]["peak_mb"] < 4000.0
+
+    # What cells share is what each would have made for itself.
+    settings = CaptureSettings(matcher="sift", refine_poses="never")
+    alone = create_scene(
+        tmp_path / "alone.r2s", tmp_path / "room", tmp_path / "room/cameras.json", settings=settings, first=3
+    )
+    alone.declare(overrides={"captures.matcher": "sift", "captures.refine_poses": "never"})
+    assert content_digest(alone.path) == content_digest(tmp_path / "out/imports/room/3.r2s")
+    assert content_digest(alone.captures_folder) == content_digest(scene.captures_folder)

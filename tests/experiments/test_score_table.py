@@ -1,0 +1,137 @@
+"""Figures of tables are those of independent implementations, and only of what was measured."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from r2sego_blender.evaluation.arms import REFINED, SAME_POINTS, VANILLA, WITHOUT_GENERATED
+from r2sego_blender.experiments.capture_curve import catching_up, curve_figure, curves_of
+from r2sego_blender.experiments.score_table import ALL_SCENES, Measured, latex, markdown, rows_of, worth_of_views
+
+psnrs = st.lists(st.floats(5.0, 50.0), min_size=5, max_size=5)
+
+
+def measured(arm, seed, psnr, scene="room", captures=6, preset="paper", views=None, ssim=0.8):
+    scores = {"psnr": psnr, "ssim": ssim}
+    return Measured(preset, scene, captures, seed, arm, scores, views or {"a": psnr - 1.0, "b": psnr + 1.0})
+
+
+def row(rows, arm, scene="room", captures=6, preset="paper"):
+    (found,) = [r for r in rows if (r.arm, r.scene, r.captures, r.preset) == (arm, scene, captures, preset)]
+    return found
+
+
+@given(psnrs, psnrs, psnrs)
+def test_spreads_and_paired_intervals_are_scipys(vanilla, same, refined):
+    arms = {VANILLA: vanilla, SAME_POINTS: same, REFINED: refined}
+    rows = rows_of([measured(arm, seed, psnr) for arm, of in arms.items() for seed, psnr in enumerate(of)])
+    best = VANILLA if np.mean(vanilla) >= np.mean(same) else SAME_POINTS
+    found = row(rows, REFINED)
+    assert found.spreads["psnr"].mean == pytest.approx(np.mean(refined))
+    assert found.spreads["psnr"].std == pytest.approx(np.std(refined, ddof=1))
+    apart = np.array(refined) - np.array(arms[best])
+    assert found.difference.mean == pytest.approx(apart.mean()) and found.difference.pairs == 5
+    if apart.std() > 1e-6:
+        expected = stats.ttest_rel(refined, arms[best]).confidence_interval(0.95)
+        np.testing.assert_allclose(found.difference.interval, expected, rtol=1e-6, atol=1e-6)
+    assert row(rows, best).difference is None
+
+
+def test_the_error_over_views_is_that_of_views_averaged_over_seeds():
+    views = [{"a": 20.0, "b": 24.0, "c": 28.0}, {"a": 22.0, "b": 24.0, "c": 32.0}]
+    (found,) = rows_of([measured(REFINED, seed, 24.0, views=of) for seed, of in enumerate(views)])
+    assert found.views == 3 and found.sem_db == pytest.approx(stats.sem([21.0, 24.0, 30.0]))
+    assert found.difference is None  # without a method of others
+
+
+def test_one_seed_has_no_deviation_and_no_interval():
+    rows = rows_of([measured(VANILLA, 3, 20.0), measured(REFINED, 3, 24.0)])
+    found = row(rows, REFINED)
+    assert found.spreads["psnr"].std is None and found.difference.interval is None and found.difference.mean == 4.0
+    assert "+4.00 to vanilla 3DGS" in markdown(rows, ()) and "±" not in markdown(rows, ()).split("\n- ")[0]
+
+
+def test_over_all_scenes_only_seeds_count_that_all_have():
+    of_scenes = {"a": {seed: (20.0 + seed, 25.0 + seed) for seed in (0, 1, 2)}}
+    of_scenes["b"] = {seed: (10.0 + 3 * seed, 11.0 + 3 * seed) for seed in (0, 2)}
+    own = [
+        measured(arm, seed, psnr, scene)
+        for scene, seeds in of_scenes.items()
+        for seed, both in seeds.items()
+        for arm, psnr in zip((VANILLA, REFINED), both, strict=True)
+    ]
+    rows = rows_of([*own, measured(REFINED, 0, 30.0, "a", captures=10)])
+    found = row(rows, REFINED, ALL_SCENES)
+    assert found.by_seed == {0: 18.0, 2: 22.0} and found.difference.mean == pytest.approx(3.0)
+    assert found.difference.interval == (3.0, 3.0) and found.sem_db is None
+    assert not [one for one in rows if (one.scene, one.captures) == (ALL_SCENES, 10)]
+
+
+def test_presets_are_told_against_the_first_seed_by_seed():
+    of_presets = {"ours": (25.0, 26.0), "one_round": (24.5, 24.5)}
+    rows = rows_of(
+        [
+            measured(REFINED, seed, psnr, preset=preset)
+            for preset, of in of_presets.items()
+            for seed, psnr in enumerate(of)
+        ]
+    )
+    assert row(rows, REFINED, preset="ours").to_preset is None
+    apart = row(rows, REFINED, preset="one_round").to_preset
+    assert (apart.to, apart.mean, apart.pairs) == ("ours", -1.0, 2)
+    assert "difference to ours, dB" in markdown(rows, ())
+
+
+def test_what_generated_views_are_worth_is_told():
+    rows = rows_of(
+        [measured(arm, seed, psnr) for seed in (0, 1) for arm, psnr in ((WITHOUT_GENERATED, 24.0), (REFINED, 24.5))]
+    )
+    (told,) = worth_of_views(rows)
+    assert "+0.50 [+0.50, +0.50] to no generated views" in told
+
+
+def test_equal_images_are_said_and_have_no_difference():
+    rows = rows_of([measured(VANILLA, 0, 20.0), measured(REFINED, 0, np.inf)])
+    assert row(rows, REFINED).difference is None and "equal images" in markdown(rows, ())
+
+
+def test_markdown_and_latex_have_a_row_for_each_and_escape_names():
+    rows = rows_of([measured(arm, 0, 20.0, scene="a_b|c") for arm in (VANILLA, REFINED)])
+    table, tex = markdown(rows, ("100 % of it",)), latex(rows, ("100 % of it",))
+    lines = [line for line in table.splitlines() if line.startswith("| a_b")]
+    assert len(lines) == 2 and all(line.startswith(r"| a_b\|c | 6 |") for line in lines)
+    cells = [line.count("&") for line in tex.splitlines() if line.rstrip().endswith(r"\\")]
+    assert cells == [8] * 3 and r"a\_b|c" in tex and r"% 100 \% of it" in tex
+    assert tex.count(r"\begin{tabular}") == tex.count(r"\end{tabular}") == 1
+
+
+def curve(*by_count):
+    """Rows of (captures, vanilla, refined)."""
+    of = [(count, arm, psnr) for count, *both in by_count for arm, psnr in zip((VANILLA, REFINED), both, strict=True)]
+    ((_, rows),) = curves_of(rows_of([measured(arm, 0, psnr, captures=count) for count, arm, psnr in of])).items()
+    return rows
+
+
+def test_the_count_at_which_a_baseline_catches_up_is_a_measured_one():
+    rows = curve((6, 18.0, 24.0), (10, 21.0, 25.0), (30, 24.0, 26.0), (45, 23.0, 27.0))
+    assert catching_up(rows).endswith("(24.00 dB) with 30.")
+    rows = curve((6, 18.0, 24.0), (45, 23.9, 27.0))
+    assert "no baseline measured, up to 45 captures" in catching_up(rows)
+    assert not curves_of(rows_of([measured(REFINED, 0, 20.0)]))
+
+
+def test_the_figure_has_a_point_for_every_measured_row():
+    from xml.etree import ElementTree
+
+    rows = curve((6, 18.0, 24.0), (10, 21.0, 25.0), (45, 23.0, 26.0))
+    drawn = ElementTree.fromstring(curve_figure(rows))
+    lines = drawn.findall("{*}polyline")
+    assert [len(line.get("points").split()) for line in lines] == [3, 3]
+    titles = [title.text for title in drawn.findall("{*}circle/{*}title")]
+    assert "refined, 45 captures: 26.00 dB" in titles and len(titles) == 6
+    heights = {float(point.split(",")[1]): None for point in lines[1].get("points").split()}
+    assert list(heights) == sorted(heights, reverse=True)  # higher PSNR stands higher

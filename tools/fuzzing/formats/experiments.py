@@ -1,0 +1,77 @@
+"""What an experiment reads: its plan, what was fixed before, and the records of its cells."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from ..harness import Harness
+
+_PLAN = """counts = [3, 6]
+seeds = [0, 1]
+arms = ["vanilla_3dgs", "refined"]
+threads = 2
+
+[[scenes]]
+name = "room"
+captures = "photographs"
+poses = "cameras.json"
+frozen = "cameras.json"
+overrides = {captures.max_side_px = 320}
+
+[[presets]]
+preset = "preview"
+name = "short"
+overrides = {rounds = 1, "training.steps_per_round" = 90}
+"""
+
+
+def _plan(folder: Path) -> None:
+    (folder / "plan.toml").write_text(_PLAN, encoding="utf-8")
+
+
+def _read_plan(folder: Path) -> Any:
+    from r2sego_blender.experiments.plan import Plan
+
+    plan = Plan.load(folder / "plan.toml")
+    return plan.counts, plan.seeds, plan.arms, [one.settings(plan.seeds[0]) for one in plan.presets]
+
+
+def _record(folder: Path) -> None:
+    from r2sego_blender.experiments.records import Record, Stage
+
+    views = [{"name": "frozen_00", "psnr": 24.5, "ssim": 0.81}, {"name": "frozen_01", "psnr": None, "ssim": 1.0}]
+    scored = {"psnr": 25.0, "ssim": 0.8, "lpips_alex": 0.2, "views": views}
+    stages = (Stage("refine", 10.5, 9.25, 800.0), Stage("evaluate", 3.0, None, None))
+    made_by = {"version": "0.1.0", "system": "Linux x86_64"}
+    Record("0" * 64, {"refined": scored}, {"asset.ply": "1" * 64}, stages, {"asset.ply": 2.5}, made_by, 1.75e9).write(
+        folder
+    )
+
+
+def _read_record(folder: Path) -> Any:
+    from r2sego_blender.experiments.records import read_record
+
+    record = read_record(folder)
+    return record, record and (record.seconds, record.peak_mb)
+
+
+def _inputs(folder: Path) -> None:
+    from r2sego_blender import __version__
+    from r2sego_blender.core.json_files import write_json
+
+    room = {"captures": [["a.png", "2" * 64]], "poses": "", "frozen": [["b.png", "3" * 64]], "frozen_sha256": "4" * 64}
+    write_json(folder / "inputs.json", {"version": __version__, "scenes": {"room": {**room, "options": {"scope": ""}}}})
+
+
+def _read_inputs(folder: Path) -> Any:
+    from r2sego_blender.experiments.inputs import known_inputs
+
+    return known_inputs(folder / "inputs.json")
+
+
+HARNESSES = (
+    Harness("experiments/plan.toml", _plan, "plan.toml", "toml", _read_plan),
+    Harness("experiments/record.json", _record, "record.json", "json", _read_record),
+    Harness("experiments/inputs.json", _inputs, "inputs.json", "json", _read_inputs),
+)
