@@ -36,7 +36,7 @@ class R2SEGO_PT_policy(Sidebar, bpy.types.Panel):
 
     def draw(self, context):
         layout, robot = self.layout, context.scene.r2sego_robot
-        layout.prop(robot, "policy", text="")
+        layout.prop(robot, "policy", text="", placeholder="The teacher")
         row = layout.row(align=True)
         row.prop(robot, "policy_episodes")
         evaluate = row.operator("r2sego.evaluate_policy", text="Evaluate", icon="PLAY")
