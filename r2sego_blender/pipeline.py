@@ -44,7 +44,7 @@ def _algorithm_1(step: Steps) -> None:
         step.progress.message(f"Round {l} ({step.h.rounds} in all)")
         proxy = step.geometry_proxy(l, captures, observed, aligned_priors, asset)  # 6
         collision = step.replace_collision_mesh(l, proxy)  # 7
-        candidates = step.successful_ego_poses(l, captures, aligned_priors, proxy, collision)  # 8
+        candidates = step.successful_ego_poses(l, captures, aligned_priors, proxy, collision, asset)  # 8
         targets = step.robot_proxy(l, captures, aligned_priors, candidates, proxy, asset)  # 9, 10
         generated = step.ego_video_reg(l, captures, aligned_priors, proxy, targets)  # 11
         pseudo_observations += generated  # 12

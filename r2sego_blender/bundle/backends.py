@@ -56,7 +56,7 @@ def controller_backend(bundle: Path) -> dict[str, str]:
     with contextlib.suppress(OSError, ValueError, LookupError, TypeError, AttributeError):
         told = sorted(bundle.glob("rounds/*/rollouts/rollouts.json"), key=lambda file: int(file.parts[-3]))
         controller = printable(read_json(told[-1])["rollouts"][-1]["controller"])
-        if controller.startswith("policy"):
+        if controller.startswith(("policy", "student", "twist2")):
             return {"controller": controller}
         if controller.startswith("replay"):
             return {"controller": f"embedded: {controller}, tracked in MuJoCo"}

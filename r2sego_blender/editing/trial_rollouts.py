@@ -21,6 +21,7 @@ from ..robot.rollouts.attempts import Attempts, in_order
 from ..robot.rollouts.bodies import save_bodies
 from ..robot.rollouts.rollout import Rollout, save_rollouts
 from ..robot.rollouts.rollouts import tell_warnings
+from ..splats.artifacts import asset_before
 
 TRIAL = "robot/trial"
 """Rollouts and the robot's bodies of the last trial, as a round has them in two folders."""
@@ -60,8 +61,9 @@ def try_rollouts(scene: Scene, attempts: int, progress: Progress = SILENT) -> tu
         tell_assumptions(robot, placed, progress)
         floor = free_floor(robot, placed, surface.collision_mjcf)
         seed = settings.seed * 1000 + surface.round_index
+        sight = behaviour.sight(scene.read(asset_before(surface.round_index))) if behaviour.sees else None
         tried = in_order(
-            Attempts(robot.source, robot.mount, placed, floor, surface.collision_mjcf, settings.rollouts, seed)
+            Attempts(robot.source, robot.mount, placed, floor, surface.collision_mjcf, settings.rollouts, seed, sight)
         )
         rollouts = tuple(progress.track(islice(tried, attempts), "Rollouts", attempts))
         tried.close()

@@ -19,6 +19,8 @@ from ..robot.model.model import RobotModel
 from ..robot.model.robot_file import robot_digest
 from ..robot.rollouts.candidates import ego_camera
 from ..robot.scope.scope import BehaviourScope
+from ..splats.asset import SplatAsset
+from .head_sight import HeadSight
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,15 @@ class DeclaredBehaviour:
     def model(self) -> RobotModel:
         """The robot with its camera's mount."""
         return RobotModel.load(*self.scope.robot_for(self.robot))
+
+    def sight(self, asset: SplatAsset) -> HeadSight:
+        """What the robot's head sees of ``asset``."""
+        return HeadSight(asset, self.model.source, self.model.mount)
+
+    @property
+    def sees(self) -> bool:
+        """Whether the visual asset changes what is done in rollouts."""
+        return self.scope.controller.kind == "student"
 
     def require_trusted(self) -> None:
         """Raises RobotError where the scope's policy is a program that nobody has trusted on this machine."""

@@ -129,22 +129,28 @@ class Steps(CaptureSteps):
         priors: AlignedPriors,
         proxy: Artifact[GeometryProxy],
         collision: Artifact[Path],
+        asset: Artifact[SplatAsset],
     ) -> Artifact[tuple[Rollout, ...]]:
         """V_0^l: rollouts resampled until enough succeed, every attempt kept with its reason.
 
-        A scope that asks for the free floor gets the part of it that captures vouch for.
+        A scope that asks for the free floor gets the part of it that captures vouch for. A student sees the asset.
         """
         behaviour = self._behaviour
         seats = [priors.objects] if behaviour.names_object else []
+        seen = [asset] if behaviour.sees else []
 
-        def roll_out(
-            captures: Captures, proxy: GeometryProxy, collision: Path, *seats_and_files: Any
-        ) -> tuple[Rollout, ...]:
+        def roll_out(captures: Captures, proxy: GeometryProxy, collision: Path, *others: Any) -> tuple[Rollout, ...]:
             if self.h.selection.candidates == "flight":
                 return self._flights(l, captures, proxy)
-            placed = behaviour.placed(captures, proxy, seats_and_files[0] if seats else ())
+            placed = behaviour.placed(captures, proxy, others[0] if seats else ())
             return successful_rollouts(
-                behaviour.model, placed, collision / "scene.xml", self.h.rollouts, self._seed_of(l), self.progress
+                behaviour.model,
+                placed,
+                collision / "scene.xml",
+                self.h.rollouts,
+                self._seed_of(l),
+                self.progress,
+                behaviour.sight(others[len(seats)]) if seen else None,
             )
 
         return self._make(
@@ -154,6 +160,7 @@ class Steps(CaptureSteps):
             proxy,
             collision,
             *seats,
+            *seen,
             *(file_at(file) for file in behaviour.scope.files),
             settings=[
                 self.h.rollouts,

@@ -34,3 +34,8 @@ def load_stage(stage: Stage) -> SplatAsset:
     if stage.backdrop is None:
         return asset
     return asset.concatenated(load_made(stage.backdrop).with_degree(asset.degree))
+
+
+def asset_before(round_index: int) -> Artifact[SplatAsset]:
+    """The asset that a round begins with."""
+    return ASSET.of_round(round_index - 1) if round_index else INITIAL_ASSET

@@ -14,12 +14,13 @@ import numpy as np
 from ..core.cameras import Camera
 from ..core.colours import linear_from_srgb, srgb_from_linear
 from ..core.images import to_uint8
+from ..robot.controllers.seeing_policy import HEAD_PICTURE
 from ..robot.model.model import RobotModel
 from ..robot.rollouts.bodies import body_shapes
 from .drawn_bodies import DrawnBody, draw_bodies
 from .room_looks import RoomLooks, Sight
 
-SIZE_PX = (128, 96)
+SIZE_PX = HEAD_PICTURE[1], HEAD_PICTURE[0]
 """Width and height of the head's pictures."""
 
 _AS_IT_IS = (1.0, 1.0, 1.0)

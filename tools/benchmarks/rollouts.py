@@ -36,6 +36,7 @@ from r2sego_blender.refine.creation import create_scene
 from r2sego_blender.refine.steps import Steps
 from r2sego_blender.robot.rollouts.rollout import Rollout
 from r2sego_blender.robot.scope.scope import BehaviourScope
+from r2sego_blender.splats.artifacts import INITIAL_ASSET
 from r2sego_blender.views.scoring.scores import support_scores
 
 from .machine import processor
@@ -172,7 +173,7 @@ def _rolled_out(bundle: Scene, scope: str, seed: int, progress: Progress) -> dic
     try:
         made, costs = _costing(
             lambda: step.successful_ego_poses(
-                0, RegisteredCaptures(), AlignedPriors(), PROXY.of_round(0), COLLISION.of_round(0)
+                0, RegisteredCaptures(), AlignedPriors(), PROXY.of_round(0), COLLISION.of_round(0), INITIAL_ASSET
             )
         )
     except RobotError as error:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...robot.model.humanoid import Servo
+from ...robot.model.unitree_g1 import JOINTS, joint_part
 from ...splats.quaternions import to_rotation
 
 TOKEN_SIZE = 64
@@ -24,18 +25,6 @@ RATE_HZ = 50.0
 STEP_S = 0.005
 FRAMES = 10
 """Of the motion ahead, 0.1 s apart, in the encoder; of the past, 0.02 s apart, in the decoder."""
-
-_LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
-_ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", "wrist_pitch", "wrist_yaw")
-JOINTS = tuple(
-    f"{name}_joint"
-    for name in (
-        *(f"{side}_{part}" for side in ("left", "right") for part in _LEG),
-        *("waist_yaw", "waist_roll", "waist_pitch"),
-        *(f"{side}_{part}" for side in ("left", "right") for part in _ARM),
-    )
-)
-"""The 29 joints in MuJoCo's order."""
 
 # fmt: off
 ISAACLAB_TO_MUJOCO = np.array(
@@ -87,19 +76,15 @@ _MOTORS = {
 _DOUBLED = ("ankle_pitch", "ankle_roll", "waist_roll", "waist_pitch")  # two motors move them together
 
 
-def _part(joint: str) -> str:
-    return joint.removesuffix("_joint").removeprefix("left_").removeprefix("right_")
-
-
 def _servo(part: str) -> Servo:
     one, times = _MOTORS.get(part, _5020).servo, 2.0 if part in _DOUBLED else 1.0
     return Servo(times * one.stiffness, times * one.damping)
 
 
-SERVOS = {joint: _servo(_part(joint)) for joint in JOINTS}
+SERVOS = {joint: _servo(joint_part(joint)) for joint in JOINTS}
 """The servo of each joint, MuJoCo's order."""
 
-ACTION_SCALE = np.array([_MOTORS.get(_part(joint), _5020).scale for joint in JOINTS])
+ACTION_SCALE = np.array([_MOTORS.get(joint_part(joint), _5020).scale for joint in JOINTS])
 """(29,) float64 rad, MuJoCo's order: of one motor also where two pull."""
 
 

@@ -15,12 +15,13 @@ import numpy as np
 
 from ...config.settings import RolloutSettings
 from ...core.errors import RobotError
+from ...robot.controllers.onnx_network import OnnxNetwork
 from ...robot.model.composition import Composition, compose
 from ...robot.model.model import RobotModel
 from ...robot.model.structure import posed
+from ...robot.model.unitree_g1 import JOINTS
 from .sonic_layout import (
     DEFAULT_RAD,
-    JOINTS,
     RATE_HZ,
     SERVOS,
     STEP_S,
@@ -29,7 +30,7 @@ from .sonic_layout import (
     ProprioceptiveFrame,
     targets_of,
 )
-from .sonic_networks import DECODER, SonicNetwork
+from .sonic_networks import DECODER
 
 BACKENDS = {"sonic_tokens": "motion tokens of SONIC, decoded by NVIDIA's network"}
 ORDER = 1
@@ -55,13 +56,13 @@ def composition(robot: RobotModel, collision_mjcf: Path, settings: RolloutSettin
 
 def make(robot: RobotModel, composition: Composition, floor_z_m: float, *, decoder: str | Path, **_: Any) -> SonicDrive:
     """See ``slot.ActionSpace``; ``decoder`` is the file of SONIC's decoder. Raises RobotError."""
-    return SonicDrive(robot, composition, floor_z_m, SonicNetwork(decoder, DECODER))
+    return SonicDrive(robot, composition, floor_z_m, OnnxNetwork(decoder, DECODER))
 
 
 class SonicDrive:
     """Serves ``slot.ActionDrive``; a token of zeros is wanted until there is another."""
 
-    def __init__(self, robot: RobotModel, composition: Composition, floor_z_m: float, decoder: SonicNetwork) -> None:
+    def __init__(self, robot: RobotModel, composition: Composition, floor_z_m: float, decoder: OnnxNetwork) -> None:
         self._robot, self._composition, self._floor_z_m, self._decoder = robot, composition, floor_z_m, decoder
         self._decimation = max(1, round(1.0 / (RATE_HZ * composition.model.opt.timestep)))
         self._joint_qpos = composition.qpos_address[: len(JOINTS)]

@@ -62,6 +62,7 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         reference: str | Path = "",
         max_seconds: float = 40.0,
         render_mode: str | None = None,
+        tracker: str | Path = "",
     ) -> None:
         """Episodes in the refined scene ``bundle``.
 
@@ -69,9 +70,9 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         ``CHAIRS``, one of these kinds stands in every episode's room, and is what is sat on.
         With ``reference``, a reference room's folder, they take place there instead, on its geometry and in
         its light, and begin where those of the same seed begin in the scene. ``randomization`` is
-        ``Randomization()`` if it is not given, in a reference room ``REFERENCE_RANDOMIZATION``. Raises
-        SettingsError for kinds and modes that are none, and what ``TrainingScene.open`` and
-        ``ReferenceRoom.open`` raise.
+        ``Randomization()`` if it is not given, in a reference room ``REFERENCE_RANDOMIZATION``. A ``tracker``, TWIST2's
+        ONNX file, balances the robot in the embedded controller's place, unaided. Raises SettingsError for kinds and
+        modes that are none, and what ``TrainingScene.open``, ``ReferenceRoom.open`` and ``Episode`` raise.
         """
         unknown = sorted(set(chairs) - set(CHAIRS))
         if unknown:
@@ -94,12 +95,12 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         usual = REFERENCE_RANDOMIZATION if reference else Randomization()
         self._randomization = randomization or usual
         self._max_steps = round(max_seconds / STEP_S)
-        self._episode = Episode(played, self._chairs, self.limits)
+        self._episode = Episode(played, self._chairs, self.limits, tracker)
         self._camera = HeadCamera(looks, self.scene.robot)
         self._start: Start | None = None
         self._sight: Sight | None = None
         self.action_space = spaces.Box(-1.0, 1.0, (SIZE,), np.float32)
-        felt = proprioception_size(self._episode.composition)
+        felt = proprioception_size(len(self._episode.composition.qpos_address))
         observed = spaces.Dict(
             {
                 "head": spaces.Box(0, 255, (SIZE_PX[1], SIZE_PX[0], 3), np.uint8),

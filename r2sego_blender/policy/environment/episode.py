@@ -7,12 +7,14 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from ...robot.controllers.commanded_drive import CommandedDrive, DriveCommand, DriveLimits
 from ...robot.controllers.drive_actions import proprioception
+from ...robot.controllers.twist2 import Twist2
 from ...robot.controllers.velocity_pursuit import heading_rad
 from ...robot.model.composition import compose
 from ...robot.model.contacts import scene_contacts
@@ -41,16 +43,31 @@ _STANDS_STEPS = round(_STANDS_S / STEP_S)
 class Episode:
     """Episodes in a scene, one after the other; ``chairs`` are the kinds that may stand in it.
 
+    A ``tracker``, TWIST2's ONNX file, balances the robot in the embedded controller's place, unaided.
+
     The model is compiled once; friction, masses and the chair's place are written into it and are
     its own again before others are.
     """
 
-    def __init__(self, scene: TrainingScene, chairs: Sequence[str] = (), limits: DriveLimits | None = None) -> None:
+    def __init__(
+        self,
+        scene: TrainingScene,
+        chairs: Sequence[str] = (),
+        limits: DriveLimits | None = None,
+        tracker: str | Path = "",
+    ) -> None:
+        """Raises RobotError as ``compose`` and ``Twist2``."""
         self.scene, self._chairs = scene, tuple(chairs)
         furnish = partial(add_chairs, names=self._chairs)
-        self.composition = compose(scene.robot, scene.collision_mjcf, scene.settings, step_s=PHYSICS_S, furnish=furnish)
+        where, settings = scene.collision_mjcf, scene.settings
+        if tracker:
+            twist2 = Twist2(tracker, scene.robot)
+            self.composition = twist2.compose(where, settings, furnish)
+            tracking = twist2.tracker(self.composition, scene.floor.floor_z_m)
+        else:
+            self.composition, tracking = compose(scene.robot, where, settings, step_s=PHYSICS_S, furnish=furnish), None
         model = self.composition.model
-        self.drive = CommandedDrive(scene.robot, self.composition, scene.floor.floor_z_m, limits)
+        self.drive = CommandedDrive(scene.robot, self.composition, scene.floor.floor_z_m, limits, tracking)
         self.data = mujoco.MjData(model)
         self._of_robot = np.array([model.body(body).name.startswith("robot/") for body in range(model.nbody)])
         self._as_compiled = {

@@ -19,11 +19,11 @@ from ...geometry.collision.collision_files import SCENE_XML
 from ...geometry.texture.surface_light_field import SurfaceLightField
 from ...robot.behaviours.trajectory import Seat
 from ...robot.planning.free_floor import FreeFloor, free_floor
-from ...robot.planning.seats import find_seats
+from ...robot.planning.seats import TURN_M, find_seats
 from ...views.room_looks import SurfaceLooks
 from .randomization import Randomization
 from .starts import Start, floor_around
-from .training_scene import TURN_M, TrainingScene
+from .training_scene import TrainingScene
 
 LIGHT, COLLISION = "light.npz", "collision"
 """The files of a reference room: a surface light field, and a folder with the true collision surface's scene."""

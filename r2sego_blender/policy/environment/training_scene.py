@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,16 +16,14 @@ from ...core.errors import SceneError
 from ...geometry.collision.collision_files import SCENE_XML
 from ...refine.behaviour import DeclaredBehaviour
 from ...robot.behaviours.trajectory import Seat
+from ...robot.controllers.student import head_mount
 from ...robot.model.model import RobotModel
 from ...robot.planning.free_floor import FreeFloor, free_floor
 from ...robot.planning.navigation import ways_to_seats
-from ...robot.planning.seats import find_seats
+from ...robot.planning.seats import find_seats, one_a_surface
 from ...robot.scope.scope import BehaviourScope
 from ...splats.formats.registry import load_asset
 from ...splats.kernels.packing import PackedGaussians
-
-TURN_M = 0.5
-"""A turn by a radian counts like a step of this, where places to sit are compared."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +68,7 @@ class TrainingScene:
         Raises RobotError where there is none.
         """
         places = find_seats(self.robot.half_width_m, self.floor, self.scope.sit_on, self.collision_mjcf)
-        surfaces = sorted({seat.surface for seat in places})
-        return tuple(_in_the_middle([seat for seat in places if seat.surface == surface]) for surface in surfaces)
+        return one_a_surface(places)
 
     @cached_property
     def ways(self) -> tuple[np.ndarray, np.ndarray]:
@@ -90,9 +86,7 @@ def _opened(
     if not scope_name and getattr(scope.behaviours, "sit_on" if sits else "walk_to") <= 0.0:
         scope = BehaviourScope.load("sit_down" if sits else "walk_and_look")
     behaviour = DeclaredBehaviour(scope, robot or scene.declaration.robot)
-    model = behaviour.model
-    if scope.look.camera_pitch_deg is not None:  # rollouts draw from it; a robot is sent out with one
-        model = replace(model, mount=model.mount.pitched(sum(scope.look.camera_pitch_deg) / 2.0))
+    model = replace(behaviour.model, mount=head_mount(behaviour.model, scope))
     placed = behaviour.placed_in(scene, scene.rounds_of_result() - 1)
     mjcf = scene.collision_folder / SCENE_XML
     return TrainingScene(
@@ -103,12 +97,3 @@ def _opened(
         asset=PackedGaussians.of(load_asset(asset)),
         floor=free_floor(model, placed, mjcf),
     )
-
-
-def _in_the_middle(places: Sequence[Seat]) -> Seat:
-    """The place with the least sum of distances to the others, the first of equal ones."""
-    edges = np.array([seat.edge_m for seat in places])
-    yaws = np.array([seat.yaw_rad for seat in places])
-    turns = np.abs(np.angle(np.exp(1j * (yaws[:, None] - yaws))))
-    apart = np.linalg.norm(edges[:, None] - edges, axis=2) + TURN_M * turns
-    return places[int(apart.sum(axis=1).argmin())]

@@ -2,7 +2,8 @@
 
 What ``tracking`` does for a reference motion planned beforehand this does for one that is
 made as it goes on: servos on every joint, torques of inverse dynamics fed forward, and a
-bounded helping wrench on the base, whose mean size is reported.
+bounded helping wrench on the base, whose mean size is reported. A TWIST2 tracker can do it in its
+place, without the wrench.
 """
 
 from __future__ import annotations
@@ -19,11 +20,12 @@ from ..model.composition import Composition
 from ..model.contacts import SEATED_LOAD, scene_contacts
 from ..model.leg_tracker import LegTracker
 from ..model.model import RobotModel
-from ..motion.commanded_base import CommandedBase
+from ..motion.commanded_base import CommandedBase, Leash
 from ..motion.commanded_gait import CommandedGait
 from ..motion.commanded_sitting import CommandedSitting, Phase
 from ..motion.dynamics import FrameDynamics
 from ..motion.upper_body import UpperBody
+from .twist2 import Twist2Tracker
 from .velocity_pursuit import heading_rad
 
 # Legs walk a little bent: the middle of what the shipped scopes draw.
@@ -33,6 +35,8 @@ _FLOOR_M = 0.1
 _DT = 1.0 / RATE_HZ
 # Share of a frame's acceleration in the smoothed one: footsteps begin and end abruptly.
 _SMOOTHING = 0.5
+# TWIST2 follows a reference from afar; one that stops for it and steps on all the same would make it step back.
+_TRACKER_LEASH = Leash(m=(0.35, 0.7), rad=(0.5, 0.8))
 
 
 @dataclass(frozen=True)
@@ -58,15 +62,26 @@ class DriveLimits:
 
 
 class CommandedDrive:
-    """Drives ``robot`` in ``composition``, one with the helping wrench, on a floor at ``floor_z_m``."""
+    """Drives ``robot`` in ``composition`` on a floor at ``floor_z_m``.
+
+    The composition is one with the helping wrench, or else the ``tracker``'s own.
+    """
 
     def __init__(
-        self, robot: RobotModel, composition: Composition, floor_z_m: float, limits: DriveLimits | None = None
+        self,
+        robot: RobotModel,
+        composition: Composition,
+        floor_z_m: float,
+        limits: DriveLimits | None = None,
+        tracker: Twist2Tracker | None = None,
     ) -> None:
-        if not composition.has_wrench:
+        if composition.has_wrench == (tracker is not None):
             raise RobotError(
-                "the composition has no helping wrench", where=robot.source, cure="Compose the robot with it."
+                "the composition has no helping wrench, or a tracker has one",
+                where=robot.source,
+                cure="Compose the robot with it, or as the tracker wants it.",
             )
+        self._tracker = tracker
         self.limits = limits = limits or DriveLimits()
         self._robot, self._composition = robot, composition
         self._steps = max(1, round(_DT / composition.model.opt.timestep))
@@ -75,7 +90,9 @@ class CommandedDrive:
         self._floor_z_m = floor_z_m
         self._weight_n = composition.robot_mass_kg * 9.81
         acceleration = limits.acceleration_m_s2
-        self._base = CommandedBase((acceleration, acceleration, limits.turn_acceleration_rad_s2))
+        leash = Leash() if tracker is None else _TRACKER_LEASH
+        accelerations = acceleration, acceleration, limits.turn_acceleration_rad_s2
+        self._base = CommandedBase(accelerations, leash)
         fastest = [max(map(abs, pair)) for pair in (limits.vx_m_s, limits.vy_m_s, limits.yaw_rate_rad_s)]
         self._gait = CommandedGait(robot, fastest)
         self._sitting = None if robot.is_wheeled else CommandedSitting(robot, self._height_m)
@@ -92,6 +109,8 @@ class CommandedDrive:
         if self._sitting is not None:
             self._sitting.start()
         self._legs.restart()
+        if self._tracker is not None:
+            self._tracker.restart()
         self._rolled_m = np.zeros(len(self._robot.wheels))
         self._wanted, self._sit = (0.0, 0.0, 0.0), False
         self._carried, self.seated_s = 0.0, 0.0
@@ -101,8 +120,9 @@ class CommandedDrive:
         self._qpos = [qpos] * 4
         self._qvel = [np.zeros(self._robot.model.nv)] * 3
         self._stances = [(self._gait.feet.copy(), self._gait.load, 1.0)] * 3
-        self._ends = [self._control()] * 2
-        self._interpolate()
+        if self._tracker is None:
+            self._ends = [self._control()] * 2
+            self._interpolate()
         return qpos.copy()
 
     def command(self, command: DriveCommand) -> None:
@@ -118,10 +138,17 @@ class CommandedDrive:
         self._wanted, self._sit = (vx, vy, rate), command.sit
 
     def apply(self, data: mujoco.MjData, step: int) -> None:
-        """Write the servos' targets and the base's reference of simulation step ``step``, the start's being 0."""
+        """Write the servos' targets and the base's reference of simulation step ``step``, the start's being 0.
+
+        Raises RobotError where a tracker fails.
+        """
         within = step % self._steps
         if within == 0:
             self._advance(data, measured=step > 0)
+        if self._tracker is not None:
+            if within == 0:
+                data.ctrl[:] = self._tracker.targets(data, self._qpos[0], self._qvel[0])
+            return
         data.ctrl[:] = self._controls[within]
         data.mocap_pos[0], data.mocap_quat[0] = self._places[within], self._turns[within]
 
@@ -137,7 +164,7 @@ class CommandedDrive:
 
     @property
     def mean_assist_n(self) -> float:
-        """Mean size of the helping force on the base since the start, N."""
+        """Mean size of the helping force on the base since the start, N; 0 with a tracker."""
         return self._assist_sum_n / max(1, self._assist_count)
 
     def _advance(self, data: mujoco.MjData, measured: bool) -> None:
@@ -148,8 +175,9 @@ class CommandedDrive:
             real, z = (self._base.x, self._base.y, self._base.yaw), self._height_m + self._floor_z_m
         touched = 0.0
         if measured:
-            self._assist_sum_n += math.sqrt(float(data.actuator_force[:3] @ data.actuator_force[:3]))
-            self._assist_count += 1
+            if self._tracker is None:
+                self._assist_sum_n += math.sqrt(float(data.actuator_force[:3] @ data.actuator_force[:3]))
+                self._assist_count += 1
             touched, self._carried = self._support(data)
             self.seated_s = self.seated_s + _DT if self.is_seated else 0.0
         wanted = self._wanted
@@ -211,8 +239,9 @@ class CommandedDrive:
         velocity = np.empty(self._robot.model.nv)
         mujoco.mj_differentiatePos(self._robot.model, velocity, 2.0 * _DT, self._qpos[1], self._qpos[3])
         self._qvel = [*self._qvel[1:], velocity]
-        self._ends = [self._ends[1], self._control()]
-        self._interpolate()
+        if self._tracker is None:
+            self._ends = [self._ends[1], self._control()]
+            self._interpolate()
 
     def _interpolate(self) -> None:
         """The controls (n, nu) and the base's reference, (n, 3) and (n, 4), of the frame's steps."""

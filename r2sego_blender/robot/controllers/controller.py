@@ -16,6 +16,7 @@ from ..model.mount import CameraMount
 from ..planning.course import require_legs
 from ..planning.free_floor import FreeFloor
 from ..scope.scope import BehaviourScope
+from .seeing_policy import Sight
 
 
 class Drive(Protocol):
@@ -23,7 +24,7 @@ class Drive(Protocol):
 
     ``qpos`` (nq,) float64 is the start, in the composition's coordinates; ``goal`` (2,)
     where the base has to end, None for anywhere; ``seat`` what it sits on; ``mount`` the
-    camera of this attempt.
+    camera of this attempt. ``duration_s`` is when it ends; it may come nearer as the attempt goes on.
     """
 
     behaviour: str
@@ -48,9 +49,14 @@ class Controller(Protocol):
 
 
 def make_controller(
-    robot: RobotModel, floor: FreeFloor, scope: BehaviourScope, collision_mjcf: Path, settings: RolloutSettings
+    robot: RobotModel,
+    floor: FreeFloor,
+    scope: BehaviourScope,
+    collision_mjcf: Path,
+    settings: RolloutSettings,
+    sight: Sight | None = None,
 ) -> Controller:
-    """The controller that ``scope`` names. Raises RobotError: files it cannot use."""
+    """The controller that ``scope`` names; ``sight`` is what a student sees. Raises RobotError: files it cannot use."""
     if scope.controller.kind == "policy":
         from .policy import PolicyController
 
@@ -59,6 +65,10 @@ def make_controller(
         from .replay import ReplayController
 
         return ReplayController(robot, floor, scope, collision_mjcf, settings)
+    if scope.controller.kind == "student":
+        from .student import StudentController
+
+        return StudentController(robot, floor, scope, collision_mjcf, settings, sight)
     from .tracking import TrackingController
 
     return TrackingController(robot, floor, scope, collision_mjcf, settings)
@@ -70,10 +80,18 @@ def check_controller(robot: RobotModel, scope: BehaviourScope) -> None:
     Policies and motions are read and tried as ``make_controller`` does. Raises RobotError.
     """
     require_legs(robot, scope)
+    if scope.controller.tracker and scope.controller.kind in ("reference", "replay"):
+        from .twist2 import Twist2
+
+        Twist2(scope.controller.tracker, robot)
     if scope.controller.kind == "policy":
         from .policy import DeclaredPolicy
 
         DeclaredPolicy.load(robot, scope)
+    elif scope.controller.kind == "student":
+        from .student import DeclaredStudent
+
+        DeclaredStudent.load(robot, scope)
     elif scope.controller.kind == "replay":
         from .replay import DeclaredMotions
 

@@ -37,9 +37,9 @@ def action_of(command: DriveCommand, limits: DriveLimits = DriveLimits()) -> np.
     return np.clip([*shares, 1.0 if command.sit else -1.0], -1.0, 1.0).astype(np.float32)
 
 
-def proprioception_size(composition: Composition) -> int:
-    """Numbers of ``proprioception``."""
-    return 6 + 2 * len(composition.qpos_address) + SIZE
+def proprioception_size(joints: int) -> int:
+    """Numbers of ``proprioception`` of a robot with so many ``joints``."""
+    return 6 + 2 * joints + SIZE
 
 
 def proprioception(

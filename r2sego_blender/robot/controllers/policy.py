@@ -60,6 +60,12 @@ class DeclaredPolicy:
         for field in ("file", "layout"):
             if not getattr(scope.controller, field):
                 raise RobotError(f"controller.{field} is missing", where=scope.name, cure="See docs/controllers.md.")
+        if scope.controller.tracker:
+            raise RobotError(
+                "controller.tracker tracks motions, and a policy follows none",
+                where=scope.name,
+                cure="Leave it out, or set controller.kind to reference or replay.",
+            )
         layout = PolicyLayout.load(scope.controller.layout)
         file, weights = PolicyFile(scope.controller.file, layout), _weights(scope, layout)
         return DeclaredPolicy(layout, file, weights, *_held_and_driven(robot, layout))

@@ -8,14 +8,12 @@ from __future__ import annotations
 from dataclasses import astuple, dataclass
 from pathlib import Path
 
-import mujoco
 import numpy as np
 from scipy import ndimage
 
 from ...config.settings import RolloutSettings
 from ...core.errors import RobotError
 from ..behaviours.trajectory import RATE_HZ, Seat
-from ..model.composition import Composition, compose
 from ..model.model import RobotModel
 from ..motion.dynamics import inverse_dynamics
 from ..motion.foot_locking import foot_places
@@ -27,7 +25,8 @@ from ..planning.free_floor import FreeFloor
 from ..planning.seats import find_seats
 from ..scope.scope import BehaviourScope
 from .motion_placement import placed_on_floor, placed_on_seat, seated_span
-from .tracking import TrackingDrive
+from .tracking import MotionTracking, TrackingDrive
+from .twist2 import Twist2Drive
 
 # A foot carries the more the lower and the stiller it is: nothing above this height, all below
 # this speed, nothing at twice the speed.
@@ -114,17 +113,18 @@ class ReplayController:
         self._robot, self._floor, self._scope = robot, floor, scope
         declared, motions = DeclaredMotions.load(robot, scope), scope.controller.motions
         self._takes, self._sits, self._seated = declared.takes, declared.sits, declared.seated
-        self.name = f"replay {Path(motions[0]).name}" if len(motions) == 1 else f"replay {len(motions)} motions"
         self._lowest_m = scope.failures.fall_height * robot.rest_height_m
         self._seats: tuple[Seat, ...] = ()
         if self._sits:
             self._seats = find_seats(robot.half_width_m, floor, scope.sit_on, collision_mjcf)
-        self.composition = compose(robot, collision_mjcf, settings)
+        self._tracking = MotionTracking(robot, floor, scope, collision_mjcf, settings)
+        replayed = Path(motions[0]).name if len(motions) == 1 else f"{len(motions)} motions"
+        self.name, self.composition = self._tracking.name(f"replay {replayed}"), self._tracking.composition
 
-    def draw(self, rng: np.random.Generator) -> ReplayDrive | None:
+    def draw(self, rng: np.random.Generator) -> TrackingDrive | Twist2Drive | None:
         """A motion drawn and placed; None where none of those tried fits the floor."""
         motion = self._drawn_on_seat(rng) if rng.random() < self._sits else self._drawn_on_floor(rng)
-        return None if motion is None else ReplayDrive(self.composition, motion)
+        return None if motion is None else self._tracking.drive(motion, moving=True)
 
     def _drawn_on_floor(self, rng: np.random.Generator) -> ReferenceMotion | None:
         frames = round(self._scope.episode.duration_s * RATE_HZ) + 1
@@ -165,20 +165,6 @@ class ReplayController:
         gait = gait_of(self._robot, qpos, floor_z_m)
         qvel, torque = inverse_dynamics(self._robot, qpos, gait, floor_z_m, seat_load)
         return ReferenceMotion(take.name, qpos, qvel, torque, qpos[-1, :2].copy(), mount, seat)
-
-
-class ReplayDrive(TrackingDrive):
-    """Tracks a recorded motion, which may begin in the middle of a step: with its velocity."""
-
-    def __init__(self, composition: Composition, motion: ReferenceMotion) -> None:
-        super().__init__(composition, motion)
-        self._qvel = motion.qvel[0]
-
-    def apply(self, data: mujoco.MjData, step: int) -> None:
-        """Write the servos' targets and the base's reference, first of all the velocity."""
-        if step == 0:
-            data.qvel[:] = self._qvel
-        super().apply(data, step)
 
 
 def gait_of(robot: RobotModel, qpos: np.ndarray, floor_z_m: float) -> Gait:

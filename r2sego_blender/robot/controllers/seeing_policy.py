@@ -13,9 +13,16 @@ from pathlib import Path
 import numpy as np
 
 from ...core.errors import RobotError
+from ..model.mount import CameraMount
 from .policy_networks import ONNX, PolicyRefusedError
 from .policy_runtime import is_program, read_policy
 from .policy_worker import PolicyFailedError, PolicyWorker
+
+HEAD_PICTURE = (96, 128, 3)
+"""Rows, columns and sRGB channels of a head's picture, uint8."""
+
+Sight = Callable[[np.ndarray, CameraMount], np.ndarray]
+"""``HEAD_PICTURE`` uint8 from the head of the robot at ``qpos`` (nq,), its camera at a mount."""
 
 Act = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """An action (A,) float64 of ``rgb`` (rows, columns, 3) uint8 and ``proprio`` (P,) float32, with those before in mind.

@@ -4,7 +4,8 @@ Position servos drive every joint towards the reference, with the torques of its
 dynamics fed forward. Balance is not theirs: a spring-damper wrench on the pelvis, bounded on
 each axis (a residual force, as motion-tracking controllers use), holds the base to the
 reference. Gravity, contact, joint limits and effort limits act as they do; what pushes the
-robot harder than the bounds makes it fall or stray, and the rollout fails.
+robot harder than the bounds makes it fall or stray, and the rollout fails. Where the scope names a
+TWIST2 policy, that one tracks in its place, without any wrench (``twist2``).
 """
 
 from __future__ import annotations
@@ -24,12 +25,41 @@ from ..planning.course import require_legs
 from ..planning.free_floor import FreeFloor
 from ..planning.seats import find_seats
 from ..scope.scope import BehaviourScope
+from .twist2 import Twist2, Twist2Drive
+
+
+class MotionTracking:
+    """What tracks the motions of a scope on ``robot``, in the room of ``collision_mjcf``.
+
+    ``composition`` is the robot there. Raises RobotError as ``compose`` and ``Twist2``.
+    """
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        floor: FreeFloor,
+        scope: BehaviourScope,
+        collision_mjcf: Path,
+        settings: RolloutSettings,
+    ) -> None:
+        self._floor_z_m, file = floor.floor_z_m, scope.controller.tracker
+        self._twist2 = Twist2(file, robot) if file else None
+        made = self._twist2
+        self.composition = made.compose(collision_mjcf, settings) if made else compose(robot, collision_mjcf, settings)
+
+    def name(self, motions: str) -> str:
+        """The controller's, of ``motions`` that it tracks."""
+        return f"{self._twist2.name}, {motions}" if self._twist2 else motions
+
+    def drive(self, motion: ReferenceMotion, moving: bool = False) -> TrackingDrive | Twist2Drive:
+        """An attempt at ``motion``, which may be ``moving`` from its beginning on."""
+        if self._twist2:
+            return self._twist2.drive(self.composition, motion, self._floor_z_m, moving)
+        return TrackingDrive(self.composition, motion, moving)
 
 
 class TrackingController:
     """Draws reference motions of the scope's behaviours and tracks them."""
-
-    name = "reference motions"
 
     def __init__(
         self,
@@ -43,26 +73,30 @@ class TrackingController:
         require_legs(robot, scope)
         sits = scope.behaviours.sit_on > 0.0
         self._seats = find_seats(robot.half_width_m, floor, scope.sit_on, collision_mjcf) if sits else ()
-        self.composition = compose(robot, collision_mjcf, settings)
+        self._tracking = MotionTracking(robot, floor, scope, collision_mjcf, settings)
+        self.name, self.composition = self._tracking.name("reference motions"), self._tracking.composition
 
-    def draw(self, rng: np.random.Generator) -> TrackingDrive | None:
+    def draw(self, rng: np.random.Generator) -> TrackingDrive | Twist2Drive | None:
         """A drawn motion; None where the floor offers no goal."""
         motion = plan_motion(self._robot, self._floor, self._scope, rng, self._seats, self.composition)
-        return None if motion is None else TrackingDrive(self.composition, motion)
+        return None if motion is None else self._tracking.drive(motion)
 
 
 class TrackingDrive:
-    """Tracks one reference motion."""
+    """Tracks one reference motion; one that is ``moving`` as it begins, in the middle of a step, with its velocity."""
 
-    def __init__(self, composition: Composition, motion: ReferenceMotion) -> None:
+    def __init__(self, composition: Composition, motion: ReferenceMotion, moving: bool = False) -> None:
         self.behaviour, self.goal = motion.behaviour, motion.goal
         self.seat, self.mount = motion.seat, motion.mount
         self.qpos = motion.qpos[0]
         self.duration_s = (len(motion.qpos) - 1) / RATE_HZ
+        self._qvel = motion.qvel[0] if moving else None
         self._base, self._control = _references(composition, motion, self.duration_s)
 
     def apply(self, data: mujoco.MjData, step: int) -> None:
         """Write the servos' targets and the base's reference."""
+        if step == 0 and self._qvel is not None:
+            data.qvel[:] = self._qvel
         data.ctrl[:] = self._control[step]
         data.mocap_pos[0], data.mocap_quat[0] = self._base[step, :3], self._base[step, 3:]
 

@@ -4,15 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from ..behaviours.trajectory import RATE_HZ
 
-# From the nearer distance of the real base on, the reference goes no farther from it so fast,
-# from the farther one on not at all: what holds the robot back holds the reference, too.
-_LEASH_M, _LEASH_RAD = (0.05, 0.12), (0.15, 0.35)
 # A reference farther off comes back at this share of what is too much in a second.
 _RETURN_PER_S, _RETURN_M_S, _RETURN_RAD_S = 4.0, 0.4, 0.8
 _DT = 1.0 / RATE_HZ
+
+
+@dataclass(frozen=True)
+class Leash:
+    """How far the reference goes from the real base: what holds the robot back holds the reference, too.
+
+    From the nearer distance on it goes no farther so fast, from the farther one on not at all.
+    """
+
+    m: tuple[float, float] = (0.05, 0.12)
+    rad: tuple[float, float] = (0.15, 0.35)
 
 
 class CommandedBase:
@@ -22,8 +31,8 @@ class CommandedBase:
     and of the heading (rad/s).
     """
 
-    def __init__(self, accelerations: Sequence[float]) -> None:
-        self._accelerations = tuple(accelerations)
+    def __init__(self, accelerations: Sequence[float], leash: Leash = Leash()) -> None:
+        self._accelerations, self._leash = tuple(accelerations), leash
         self.x = self.y = self.yaw = 0.0
         self.velocity = [0.0, 0.0, 0.0]
 
@@ -42,20 +51,20 @@ class CommandedBase:
         vx, vy = cos * forward - sin * aside, sin * forward + cos * aside
         ahead_x, ahead_y = self.x - real[0], self.y - real[1]
         ahead_m = math.hypot(ahead_x, ahead_y)
-        if ahead_m > _LEASH_M[0]:
+        if ahead_m > self._leash.m[0]:
             ahead_x, ahead_y = ahead_x / ahead_m, ahead_y / ahead_m
             away = max(0.0, vx * ahead_x + vy * ahead_y)
-            held = away * min(1.0, (ahead_m - _LEASH_M[0]) / (_LEASH_M[1] - _LEASH_M[0]))
+            held = away * min(1.0, (ahead_m - self._leash.m[0]) / (self._leash.m[1] - self._leash.m[0]))
             vx, vy = vx - held * ahead_x, vy - held * ahead_y
             self.velocity[0], self.velocity[1] = cos * vx + sin * vy, cos * vy - sin * vx
-            back = min(_RETURN_PER_S * max(0.0, ahead_m - _LEASH_M[1]), _RETURN_M_S)
+            back = min(_RETURN_PER_S * max(0.0, ahead_m - self._leash.m[1]), _RETURN_M_S)
             vx, vy = vx - back * ahead_x, vy - back * ahead_y
         turned = math.remainder(self.yaw - real[2], math.tau)
-        if abs(turned) > _LEASH_RAD[0]:
+        if abs(turned) > self._leash.rad[0]:
             if rate * turned > 0.0:
-                rate *= max(0.0, 1.0 - (abs(turned) - _LEASH_RAD[0]) / (_LEASH_RAD[1] - _LEASH_RAD[0]))
+                rate *= max(0.0, 1.0 - (abs(turned) - self._leash.rad[0]) / (self._leash.rad[1] - self._leash.rad[0]))
                 self.velocity[2] = rate
-            back = min(_RETURN_PER_S * max(0.0, abs(turned) - _LEASH_RAD[1]), _RETURN_RAD_S)
+            back = min(_RETURN_PER_S * max(0.0, abs(turned) - self._leash.rad[1]), _RETURN_RAD_S)
             rate -= math.copysign(back, turned)
         self.x, self.y, self.yaw = self.x + vx * _DT, self.y + vy * _DT, self.yaw + rate * _DT
 

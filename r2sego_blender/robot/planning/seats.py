@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +17,9 @@ from ..model.composition import compile_scene, scene_spec
 from .free_floor import CELL_M, FreeFloor
 
 _CELL_M = 0.025
+TURN_M = 0.5
+"""A turn by a radian counts like a step of this, where places to sit are compared."""
+
 # Heights are looked for downwards from here: what hangs higher is above a seated head.
 _FROM_M = 1.25
 _MARGIN_M = 0.6
@@ -64,6 +67,21 @@ def find_seats(half_width_m: float, floor: FreeFloor, sit_on: SitOn, collision_m
             cure="Check the collision surface, or give the scope another sit_on.target or sit_on.height_m.",
         )
     return seats
+
+
+def one_a_surface(places: Sequence[Seat]) -> tuple[Seat, ...]:
+    """One of the ``places`` on each surface: the one in the middle of all that the surface offers."""
+    surfaces = sorted({seat.surface for seat in places})
+    return tuple(_in_the_middle([seat for seat in places if seat.surface == surface]) for surface in surfaces)
+
+
+def _in_the_middle(places: Sequence[Seat]) -> Seat:
+    """The place with the least sum of distances to the others, the first of equal ones."""
+    edges = np.array([seat.edge_m for seat in places])
+    yaws = np.array([seat.yaw_rad for seat in places])
+    turns = np.abs(np.angle(np.exp(1j * (yaws[:, None] - yaws))))
+    apart = np.linalg.norm(edges[:, None] - edges, axis=2) + TURN_M * turns
+    return places[int(apart.sum(axis=1).argmin())]
 
 
 def _height_map(floor: FreeFloor, collision_mjcf: Path) -> tuple[np.ndarray, np.ndarray]:

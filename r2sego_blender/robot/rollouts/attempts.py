@@ -24,6 +24,7 @@ from ...config.settings import RolloutSettings
 from ...core.errors import NativeError
 from ...core.resources import available_cores
 from ..controllers.controller import Controller, make_controller
+from ..controllers.seeing_policy import Sight
 from ..model.model import RobotModel
 from ..model.mount import CameraMount
 from ..model.mujoco_warnings import mujoco_warnings
@@ -37,7 +38,7 @@ from .spawning import SpawnContext
 
 @dataclass(frozen=True)
 class Attempts:
-    """What an attempt needs to know; small, so that processes can be told."""
+    """What an attempt needs to know, as processes are told it; ``sight`` is what a student sees."""
 
     robot: str
     mount: CameraMount
@@ -46,6 +47,7 @@ class Attempts:
     collision_mjcf: Path
     settings: RolloutSettings
     seed: int
+    sight: Sight | None = None
 
     def run(self, number: int) -> Rollout:
         """Attempt ``number``."""
@@ -91,7 +93,7 @@ class Attempts:
 
     @cached_property
     def _controller(self) -> Controller:
-        return make_controller(self._model, self.floor, self.scope, self.collision_mjcf, self.settings)
+        return make_controller(self._model, self.floor, self.scope, self.collision_mjcf, self.settings, self.sight)
 
     @cached_property
     def _judge(self) -> Judge:

@@ -10,6 +10,7 @@ from pathlib import Path
 from ...config.settings import RolloutSettings
 from ...core.errors import RobotError
 from ...core.progress import SILENT, Progress
+from ..controllers.seeing_policy import Sight
 from ..model.model import RobotModel
 from ..model.mujoco_warnings import described
 from ..planning.free_floor import free_floor
@@ -41,18 +42,19 @@ def successful_rollouts(
     settings: RolloutSettings,
     seed: int,
     progress: Progress = SILENT,
+    sight: Sight | None = None,
 ) -> tuple[Rollout, ...]:
     """Roll the behaviour out until ``settings.successes`` have succeeded (Sec. III-B.2).
 
     Returns every attempt in order, failures included; the last one is a success. The same
-    arguments give the same bits, in however many processes. Raises RobotError when
+    arguments give the same bits, in however many processes; ``sight`` is what a student sees. Raises RobotError when
     ``settings.max_attempts`` have not sufficed, naming the most frequent reason; or where
     the scene has no free floor.
     """
     attempts: list[Rollout] = []
     tell_assumptions(model, scope, progress)
     floor = free_floor(model, scope, collision_mjcf)
-    tried = in_order(Attempts(model.source, model.mount, scope, floor, collision_mjcf, settings, seed))
+    tried = in_order(Attempts(model.source, model.mount, scope, floor, collision_mjcf, settings, seed, sight))
     with progress.task("Rollouts", settings.successes) as task:
         for rollout in tried:
             attempts.append(rollout)

@@ -45,7 +45,7 @@ def simulate(composition: Composition, drive: Drive, judge: Judge, camera_rate_h
         if step >= len(qpos) * frame_steps - 1e-9:
             qpos.append(data.qpos.copy())
             times.append(step * step_s)
-        if step == steps:
+        if step >= round(drive.duration_s / step_s):
             break
         drive.apply(data, step)
         mujoco.mj_step(model, data)

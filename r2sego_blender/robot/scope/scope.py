@@ -14,7 +14,7 @@ from ..behaviours.registry import BEHAVIOURS
 from .region import problem_of
 
 FREE_FLOOR = "free_floor"
-CONTROLLERS = ("reference", "policy", "replay")
+CONTROLLERS = ("reference", "policy", "replay", "student")
 LAYOUTS = Path(__file__).parents[1] / "policies"
 """The observation layouts that come with the library."""
 
@@ -81,11 +81,21 @@ class Control:
     """The behaviour controller; its files lie beside the scope's."""
 
     kind: str = setting(
-        "reference", "Reference motions tracked, a learned policy, or recorded motions replayed.", choices=CONTROLLERS
+        "reference",
+        "Reference motions tracked, a learned policy, recorded motions replayed, or a student that sees.",
+        choices=CONTROLLERS,
     )
-    file: str = setting("", "The policy: ONNX, or TorchScript, which can run code of its maker's.", read=_file)
+    file: str = setting(
+        "", "The policy: ONNX, or TorchScript, which can run code of its maker's. The student: ONNX.", read=_file
+    )
     layout: str = setting("", "The policy's observation layout: a shipped one's name, or a TOML file.", read=_layout)
     motions: tuple[str, ...] = setting((), "The recorded motions.", read=_motions)
+    tracker: str = setting(
+        "",
+        "TWIST2's ONNX file, which tracks motions without a helping wrench in the embedded controller's place.",
+        read=_file,
+        added=True,
+    )
 
 
 @dataclass(frozen=True)
@@ -195,7 +205,8 @@ class BehaviourScope(_WithRanges):
     @property
     def files(self) -> tuple[Path, ...]:
         """The files it names that are there."""
-        named = (self.robot.model, self.controller.file, self.controller.layout, *self.controller.motions)
+        control = self.controller
+        named = (self.robot.model, control.file, control.layout, *control.motions, control.tracker)
         return tuple(Path(name) for name in named if name and Path(name).is_file())
 
     @staticmethod

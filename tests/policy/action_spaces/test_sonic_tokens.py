@@ -13,7 +13,8 @@ from r2sego_blender.config.settings import RolloutSettings
 from r2sego_blender.core.errors import RobotError
 from r2sego_blender.policy.action_spaces import sonic_layout as layout
 from r2sego_blender.policy.action_spaces.slot import action_space
-from r2sego_blender.policy.action_spaces.sonic_networks import DECODER, ENCODER, SonicNetwork
+from r2sego_blender.policy.action_spaces.sonic_networks import DECODER, ENCODER
+from r2sego_blender.robot.controllers.onnx_network import OnnxNetwork
 from r2sego_blender.robot.model.model import RobotModel
 
 pytest.importorskip("onnx", reason="make install POLICY=1")
@@ -105,7 +106,7 @@ def test_a_robot_without_the_joints_is_refused(room, tmp_path):
 def test_the_encoder_gives_a_token_of_a_motion(tmp_path):
     weight = np.zeros((1762, 64))
     weight[4:68] = 0.5 * np.eye(64)
-    network = SonicNetwork(encoder(tmp_path / "encoder.onnx", weight, np.full(64, 0.25)), ENCODER)
+    network = OnnxNetwork(encoder(tmp_path / "encoder.onnx", weight, np.full(64, 0.25)), ENCODER)
     seen = layout.encoder_observation(np.ones((10, 29)), np.zeros((10, 29)), np.eye(4)[0], np.eye(4)[[0] * 10])
     assert np.array_equal(network(seen), np.full(64, 0.75, np.float32))
 
@@ -118,15 +119,15 @@ def test_the_encoder_gives_a_token_of_a_motion(tmp_path):
 def test_another_network_is_refused(tmp_path, shape, output, source):
     path = linear_network(tmp_path / "other.onnx", np.zeros(shape), np.zeros(shape[1]), output, source)
     with refused(RobotError, path, "decoder"):
-        SonicNetwork(path, DECODER)
+        OnnxNetwork(path, DECODER)
 
 
 def test_numbers_that_are_not_finite_are_refused(tmp_path):
     path = decoder(tmp_path / "decoder.onnx", np.zeros((994, 29)), np.full(29, np.nan))
     with refused(RobotError, path, "finite"):
-        SonicNetwork(path, DECODER)
+        OnnxNetwork(path, DECODER)
 
 
 def test_a_program_is_refused_before_it_is_read(tmp_path):
     with refused(RobotError, "decoder.pt", "program"):
-        SonicNetwork(tmp_path / "decoder.pt", DECODER)
+        OnnxNetwork(tmp_path / "decoder.pt", DECODER)
