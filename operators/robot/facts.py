@@ -9,8 +9,8 @@ from ...r2sego_blender.bridge.shared.panel_facts import Facts
 from ...r2sego_blender.core.errors import R2SEgoError
 from ...r2sego_blender.results.panels.bundle import Bundle
 from ...r2sego_blender.results.panels.robot_facts import RobotFacts
-from ...r2sego_blender.results.panels.rollout_list import POLICY, TRIAL, attempts, has_rollouts, rollouts_folder
-from ...r2sego_blender.results.policy_evaluation import PolicyEvaluation, is_recorded
+from ...r2sego_blender.results.panels.rollout_list import POLICY, TRIAL, attempts, has_rollouts
+from ...r2sego_blender.results.policy_evaluation import POLICY_EVALUATION, PolicyEvaluation, is_recorded
 from ...r2sego_blender.robot.scope.region import format_polygon
 from ..state import Line
 
@@ -68,7 +68,7 @@ def read_policy(_scene: bpy.types.Scene, bundle: Bundle) -> PolicyFacts:
     if not is_recorded(bundle):
         return PolicyFacts()
     try:
-        evaluation = PolicyEvaluation.load(rollouts_folder(bundle, POLICY))
+        evaluation = bundle.read(POLICY_EVALUATION)
         found = attempts(bundle, POLICY)
         evaluation.require_of(one.reason for one in found)
         return PolicyFacts(evaluation, Facts(found))

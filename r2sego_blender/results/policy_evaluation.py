@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..bundle.artifacts import Artifact
 from ..core.errors import SceneError
 from ..core.json_files import opened_json, write_json
 from .panels.bundle import Bundle
@@ -97,6 +98,10 @@ class PolicyEvaluation:
     def by_end(self) -> dict[str, int]:
         """Episodes by how they ended: '' for success first, then the kinds of failure, each in its place by name."""
         return {"": self.successes, **dict(sorted(self.failures.items()))}
+
+
+POLICY_EVALUATION = Artifact("robot/policy", PolicyEvaluation.load)
+"""The recorded evaluation of a bundle."""
 
 
 def is_recorded(bundle: Bundle) -> bool:

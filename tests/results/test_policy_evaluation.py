@@ -17,7 +17,13 @@ from r2sego_blender.core.errors import SceneError
 from r2sego_blender.core.images import load_image_uint8
 from r2sego_blender.results.panels.bundle import Bundle
 from r2sego_blender.results.panels.rollout_list import POLICY, attempts, rollouts_folder, start_poses
-from r2sego_blender.results.policy_evaluation import FILE, PolicyEvaluation, head_pictures, is_recorded
+from r2sego_blender.results.policy_evaluation import (
+    FILE,
+    POLICY_EVALUATION,
+    PolicyEvaluation,
+    head_pictures,
+    is_recorded,
+)
 from r2sego_blender.robot.model.model import RobotModel
 from r2sego_blender.robot.rollouts.rollout import Quality, save_rollouts
 
@@ -29,7 +35,7 @@ def copied(bundle_path, tmp_path):
 
 
 def test_what_was_written_is_read(bundle):
-    read = PolicyEvaluation.load(rollouts_folder(bundle, POLICY))
+    read = bundle.read(POLICY_EVALUATION)
     assert read == EVALUATION and is_recorded(bundle)
     assert list(read.by_end.items()) == [("", 1), ("body_contact", 1), ("no_goal", 1)]
     assert read.policy_name == replace(read, policy="C:\\trainings\\student\\").policy_name == "student"
