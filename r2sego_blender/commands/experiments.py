@@ -1,43 +1,76 @@
-"""``r2sego experiment``: a plan of scenes, capture counts, arms, seeds and presets, run and put into tables."""
+"""``r2sego experiment`` and ``reproduce``: scenes, capture counts, arms and seeds, run and put into tables."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from .options import ANY_PATH, FOLDER, Output, output_options
 
+if TYPE_CHECKING:
+    from ..experiments.plan import Plan
+
+
+def _run_options(command: Callable) -> Callable:
+    """How an experiment is run."""
+    options = (
+        click.option("--out", "folder", required=True, type=FOLDER, help="Folder of the experiment, made if missing."),
+        click.option(
+            "--processes",
+            type=click.IntRange(0, 4096),
+            default=0,
+            metavar="N",
+            help="Cells at once; by default as many as cores and free memory allow.",
+        ),
+        click.option(
+            "--dry-run", is_flag=True, help="Say which cells there are and which are done; runs and writes nothing."
+        ),
+        output_options("--json", "--json-progress"),
+    )
+    for option in reversed(options):
+        command = option(command)
+    return command
+
 
 @click.command()
 @click.argument("plan", type=ANY_PATH)
-@click.option("--out", "folder", required=True, type=FOLDER, help="Folder of the experiment, made if missing.")
-@click.option(
-    "--processes",
-    type=click.IntRange(0, 4096),
-    default=0,
-    metavar="N",
-    help="Cells at once; by default as many as cores and free memory allow.",
-)
-@click.option("--dry-run", is_flag=True, help="Say which cells there are and which are done; runs and writes nothing.")
-@output_options("--json", "--json-progress")
+@_run_options
 def experiment(plan: Path, folder: Path, processes: int, dry_run: bool, output: Output) -> None:
     """Run every cell of the file PLAN that is not done yet, and write metrics.json, tables and figures.
 
     A cell is a scene with a count of captures, a preset and a seed: a bundle that is refined and evaluated. Started
     again, it goes on where it stopped. Ends with status 1 where a cell failed.
     """
-    from ..experiments.experiment import Experiment, run_experiment
     from ..experiments.plan import Plan
 
-    declared = Plan.load(plan)
+    _run(Plan.load(plan), folder, processes, dry_run, output)
+
+
+@click.command()
+@click.argument("what", type=click.Choice(("table1", "table2", "fig-captures")))
+@click.option("--data", required=True, type=FOLDER, help="Folder of scenes, each with a cameras.json.")
+@click.option("--scenes", default="", metavar="NAME,NAME", help="Of the scenes in the folder these alone.")
+@_run_options
+def reproduce(what: str, data: Path, scenes: str, folder: Path, processes: int, dry_run: bool, output: Output) -> None:
+    """Run a prepared plan of the paper's tables and figures on the scenes in --data, as `r2sego experiment` does."""
+    from ..experiments.prepared import prepared_plan
+
+    names = [name.strip() for name in scenes.split(",") if name.strip()]
+    _run(prepared_plan(what, data, names), folder, processes, dry_run, output)
+
+
+def _run(plan: Plan, folder: Path, processes: int, dry_run: bool, output: Output) -> None:
+    from ..experiments.experiment import Experiment, run_experiment
+
     if dry_run:
-        found = Experiment.of(declared, folder, output.progress, write=False)
+        found = Experiment.of(plan, folder, output.progress, write=False)
         output.show(_told(found, {}), _lines)
         return
-    found, failures = run_experiment(declared, folder, processes, output.progress)
+    found, failures = run_experiment(plan, folder, processes, output.progress)
     output.show(_told(found, failures), _lines)
     sys.exit(1 if failures and not output.as_events else 0)
 
@@ -58,7 +91,8 @@ def _lines(told: dict[str, Any]) -> list[str]:
         f"{cell['state']:<6} {cell['name']}" + f": {cell.get('failure', '')}".rstrip(": ") for cell in told["cells"]
     ]
     done = sum(cell["state"] == "done" for cell in told["cells"])
-    return [*lines, f"{done} of {len(lines)} cells done; tables: {Path(told['folder'], MARKDOWN)}"]
+    tables = Path(told["folder"], MARKDOWN)
+    return [*lines, f"{done} of {len(lines)} cells done" + (f"; tables: {tables}" if tables.is_file() else "")]
 
 
-COMMANDS = (experiment,)
+COMMANDS = (experiment, reproduce)

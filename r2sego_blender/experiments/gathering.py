@@ -91,4 +91,4 @@ def _made_by(done: Sequence[tuple[Cell, Record]]) -> Iterator[str]:
     """Every version, commit and machine that made some of it."""
     for key in ("version", "commit", "processor", "system"):
         if values := sorted({record.made_by.get(key, "") for _, record in done} - {""}):
-            yield f"Made by {key} {', '.join(values)}."
+            yield f"{key.capitalize()}: {', '.join(values)}."

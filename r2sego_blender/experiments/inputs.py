@@ -100,6 +100,9 @@ def _captures(scene: PlannedScene) -> tuple[Files, str, Sequence[np.ndarray]]:
         made_of += [declared.robot, declared.scope, declared.mesh_library]
         files = _digests((one.name, one.image_path) for one in bundle.read(CAPTURES))
         return files, hashlib.sha256(json.dumps(made_of).encode()).hexdigest(), ()
+    if not scene.captures.is_dir():
+        cure = "Name a folder of photographs, or a bundle."
+        raise ExperimentError(f"the scene {scene.name} is not there", where=scene.captures, cure=cure)
     found = find_poses(scene.poses) if scene.poses else find_export(scene.captures)
     if found is None:
         return _digests((path.name, path) for path in plain_photographs(scene.captures, SILENT)), "", ()

@@ -124,7 +124,7 @@ class Plan:
             ) from error
         plan = dataclasses.replace(
             plan,
-            scenes=tuple(_named(one, one.captures.name) for one in (scenes or plan.scenes)),
+            scenes=tuple(_named(one, one.captures.name.removesuffix(".r2s")) for one in (scenes or plan.scenes)),
             presets=tuple(_named(one, one.preset) for one in plan.presets),
         )
         _checked(plan, reader)

@@ -118,6 +118,17 @@ def test_a_damaged_record_is_told_and_its_cell_not_done(two_cells, tmp_path, tex
     assert len(found.left) == 2 and sum(RECORD in text for text in recorder.warnings) == 2
 
 
+def test_scores_of_other_frozen_views_than_were_fixed_do_not_count(plan_file, control, tmp_path):
+    plan_file.write_text(PLAN.replace("[0, 1]", "[0]").replace("[3, 5]", "[3]"))
+    (control / "tamper").touch()
+    found, failures = run_experiment(Plan.load(plan_file), tmp_path / "out", 1, program=PROGRAM)
+    assert "frozen views were changed" in failures[found.cells[0].folder] and not found.records
+    (tmp_path / "held_out" / "99.png").unlink()
+    (control / "tamper").unlink()
+    found, failures = run_experiment(Plan.load(plan_file), tmp_path / "out", 1, program=PROGRAM)
+    assert not failures and not found.left
+
+
 def test_two_runners_of_one_folder_are_refused(plan, control, tmp_path):
     with alone(tmp_path / "out"), pytest.raises(ExperimentError, match="another process runs this experiment"):
         run_experiment(plan, tmp_path / "out", 1, program=PROGRAM)

@@ -24,19 +24,21 @@ def record(seconds=1.0, peak_mb=None):
 
 
 class Watched:
-    """Does cells in a moment, and sees how many are done at once."""
+    """Does cells once ``at_once`` of them were running, and sees how many are."""
 
-    def __init__(self, failing=(), needs=lambda cell: 0.0, takes_s=0.03):
-        self.failing, self.needs, self.takes_s = failing, needs, takes_s
-        self.lock, self.running, self.most, self.most_mb, self.done = threading.Lock(), [], 0, 0.0, []
+    def __init__(self, at_once=1, failing=(), needs=lambda cell: 0.0):
+        self.at_once, self.failing, self.needs = at_once, failing, needs
+        self.changed, self.running, self.most, self.most_mb, self.done = threading.Condition(), [], 0, 0.0, []
 
     def __call__(self, cell):
-        with self.lock:
+        with self.changed:
             self.running.append(cell)
             self.most = max(self.most, len(self.running))
             self.most_mb = max(self.most_mb, sum(map(self.needs, self.running)))
-        time.sleep(self.takes_s)
-        with self.lock:
+            self.changed.notify_all()
+            self.changed.wait_for(lambda: self.most >= self.at_once, timeout=30.0)
+        time.sleep(0.02)  # one too many would have begun
+        with self.changed:
             self.running.remove(cell)
             self.done.append(cell)
         return Outcome(None, "it broke") if cell.seed in self.failing else Outcome(record())
@@ -59,7 +61,7 @@ def run(cells, watched, processes=2, memory_mb=1e9, otherwise_mb=1, attempts=2):
 
 def test_as_many_run_at_once_as_are_asked_for_and_each_once(cells):
     for processes in (1, 2, 3):
-        watched = Watched()
+        watched = Watched(processes)
         failures, told = run(cells, watched, processes)
         assert not failures and watched.most == processes
         assert set(watched.done) == {cell for cell, _ in told} == set(cells) and len(watched.done) == len(cells)
@@ -67,7 +69,7 @@ def test_as_many_run_at_once_as_are_asked_for_and_each_once(cells):
 
 def test_no_more_run_at_once_than_their_memory_allows_and_one_always(cells):
     for memory_mb, at_once in ((250.0, 2), (90.0, 1), (1000.0, 4)):
-        watched = Watched(needs=lambda cell: 100.0)
+        watched = Watched(at_once, needs=lambda cell: 100.0)
         run(cells, watched, 4, memory_mb, 100)
         assert watched.most == at_once and watched.most_mb <= max(memory_mb, 100.0)
 

@@ -1,7 +1,8 @@
 """Stands in for ``r2sego new``, ``refine`` and ``evaluate`` of an experiment's cell: small files, the same each time.
 
 ``FAKE_CONTROL`` names a folder: each finished command leaves a line in ``commands.log`` there; a file ``abort`` with
-a number has that many refinements abort natively, ``hold`` lets those that wait for it go on.
+a number has that many refinements abort natively, ``hold`` lets those that wait for it go on, and with ``tamper``
+an evaluation adds a frozen view.
 """
 
 import json
@@ -71,6 +72,8 @@ def evaluate(bundle):
         psnr = 20.0 + index + 0.1 * len(captures) + 0.01 * ((7 * seed + 3 * index) % 11)
         views = [{"name": file.name, "psnr": psnr + number, "ssim": 0.5} for number, file in enumerate(frozen)]
         arms[arm] = {"psnr": psnr, "ssim": 0.5 + 0.01 * index, "lpips_alex": None, "lpips_reason": "", "views": views}
+    if (CONTROL / "tamper").is_file():
+        (Path(option("--frozen")) / "99.png").write_bytes(frozen[0].read_bytes() + b"more")
     (bundle / "report").mkdir(exist_ok=True)
     (bundle / "report/metrics.json").write_text(json.dumps({"arms": arms, "assets": {"asset.ply": str(captures)}}))
 

@@ -3,7 +3,7 @@
     python -m tools.rooms.reference --room demo --to DIR [--views 260] [--samples 4] [--cell-m 0.016]
 
 A policy is tested in it (``docs/policy.md``). ``DIR/light.npz`` is the surface light field, fitted to pictures by
-Cycles from places that a head can be at over the free floor: each next one is the one of several drawn that sees
+Cycles from where heads can be: each next one is the one of several drawn that sees
 most of what was seen least. ``DIR/collision`` is the true surface as a simulator takes it, ``DIR/pictures`` what was
 rendered and from where: a command that was ended, or is given more ``--views``, goes on. Frozen views are never among
 them.
@@ -31,12 +31,12 @@ from r2sego_blender.geometry.texture.surface_light_field import SurfaceLightFiel
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 
 from .folder import TrueRoom
-from .free_floor import FreeFloor, free_floor
+from .free_floor import CELL_M, FreeFloor, free_floor
 
 SIZE_PX = (256, 192)
 _FOCAL_PX = 128.0  # 90 degrees across
 _HEAD_M, _DOWN_DEG = (0.75, 1.4), (0.0, 60.0)  # from seated to standing
-_CLEARANCE_M = 0.1
+_CLEARANCE_M, _NEAREST_M = 0.1, 0.3
 _DRAWN = 8  # places, of which the best is taken
 _SEED = 46
 _DEGREE, _RIDGE = 2, 0.25
@@ -90,29 +90,42 @@ def mesh_of(room: TrueRoom, cell_m: float, cameras: Sequence[Camera] = ()) -> Su
 def head_cameras(
     mesh: SurfaceLightField, floor: FreeFloor, count: int, known: Sequence[Camera] = ()
 ) -> Iterator[Camera]:
-    """Cameras over the free floor that with ``known`` are ``count``, each seeing most of what was seen least."""
+    """Cameras that with ``known`` are ``count``, each seeing most of what was seen least.
+
+    Half of those it is chosen from are over the free floor, the others anywhere in the room with nothing close before
+    them: a head leans over furniture, and over the seat of who sits.
+    """
     rng = np.random.default_rng([_SEED, len(known)])
     places = floor.places(_CLEARANCE_M)
     lens = Camera(*SIZE_PX, _FOCAL_PX, _FOCAL_PX, SIZE_PX[0] / 2, SIZE_PX[1] / 2, np.eye(4))
     times = np.zeros(len(mesh.light))
 
-    def texels_of(camera: Camera) -> np.ndarray:
-        texels, _ = mesh.texels_seen(camera.scaled(_COARSE))
-        return texels[texels >= 0]
+    def look(camera: Camera) -> tuple[np.ndarray, float]:
+        """What it sees, and how far away the nearest of it is."""
+        texels, seen = mesh.texels_seen(camera.scaled(_COARSE))
+        shown = texels >= 0
+        return texels[shown], float(seen.depth[shown].min(initial=np.inf))
 
     for camera in known:
-        times[np.unique(texels_of(camera))] += 1.0
-    for _ in range(len(known), count):
-        best, most, seen = lens, -1.0, np.zeros(0, int)
-        for place in places[rng.integers(len(places), size=_DRAWN)]:
+        times[np.unique(look(camera)[0])] += 1.0
+    corners = floor.origin, floor.origin + np.array(floor.clearance_m.shape) * CELL_M
+    left = count - len(known)
+    while left > 0:
+        best, most, seen = lens, 0.0, np.zeros(0, int)
+        anywhere = rng.uniform(*corners, (_DRAWN // 2, 2))
+        for place in (*places[rng.integers(len(places), size=_DRAWN // 2)], *anywhere):
             heading, down, height = (rng.uniform(*limits) for limits in ((-180.0, 180.0), _DOWN_DEG, _HEAD_M))
             camera = lens.at(upright(*place, height, heading, down))
-            texels = texels_of(camera)
+            texels, nearest_m = look(camera)
+            if nearest_m < _NEAREST_M:
+                continue
             gain = float((1.0 / (1.0 + times[texels])).sum())
             if gain > most:
                 best, most, seen = camera, gain, np.unique(texels)
-        times[seen] += 1.0
-        yield best
+        if most > 0.0:
+            times[seen] += 1.0
+            left -= 1
+            yield best
 
 
 def write_reference(folder: Path, room: TrueRoom, cameras: list[Camera], rendered: Path, cell_m: float) -> None:

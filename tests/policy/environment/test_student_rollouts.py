@@ -12,10 +12,14 @@ from seeing_networks import seeing_network
 
 from r2sego_blender.core.errors import RobotError
 from r2sego_blender.refine.head_sight import HeadSight
+from r2sego_blender.robot.behaviours.trajectory import STAND_OFF_M
 from r2sego_blender.robot.controllers.controller import check_controller, make_controller
 from r2sego_blender.robot.controllers.drive_actions import proprioception_size
 from r2sego_blender.robot.controllers.seeing_policy import HEAD_PICTURE, SeeingPolicyFile
+from r2sego_blender.robot.controllers.student import StudentDrive
 from r2sego_blender.robot.rollouts.attempts import Attempts
+from r2sego_blender.robot.rollouts.failures import Judge
+from r2sego_blender.robot.rollouts.simulation import simulate
 from r2sego_blender.robot.scope.scope import Behaviours, Control, Episode
 from r2sego_blender.splats.formats.registry import load_asset
 
@@ -80,6 +84,19 @@ def test_the_same_twice_and_another_where_it_sees_another_asset(scene, student, 
     assert first.qpos.tobytes() == again.qpos.tobytes() and first.camera_poses.tobytes() == again.camera_poses.tobytes()
     assert np.array_equal(first.qpos[0], other.qpos[0]) and not np.array_equal(first.qpos[-1], other.qpos[-1])
     assert first.quality.assist_n > 0.0
+
+
+def test_who_has_sat_long_enough_is_done(scene, asset, tmp_path):
+    told = attempts(scene, seeing_network(tmp_path / "sits.onnx", PROPRIO, (0.0, 0.0, 0.0, 9.0)), asset)
+    scope = replace(told.scope, episode=Episode(duration_s=15.0), sit_on=replace(told.scope.sit_on, hold_s=0.5))
+    settings = replace(told.settings, step_s=0.004)
+    made = make_controller(scene.robot, told.floor, scope, told.collision_mjcf, settings, told.sight)
+    seat = made.draw(np.random.default_rng(0)).seat
+    drive = StudentDrive(made, seat.ahead(STAND_OFF_M), seat.yaw_rad, seat)
+    judge = Judge(made.composition, told.floor, scope, scene.robot.rest_height_m)
+    done = simulate(made.composition, drive, judge, 10.0)
+    assert not done.reason and done.meter.seated_s >= 0.5
+    assert 1.0 < done.times_s[-1] < 10.0
 
 
 def test_what_cannot_be_a_student_is_refused(scene, student, asset, tmp_path):
