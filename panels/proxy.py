@@ -4,7 +4,7 @@ import bpy
 
 from ..r2sego_blender.core.formatting import counted
 from .fact_list import FactList, fact_list
-from .overlays import placement_overlay, proxy_legend
+from .overlays import placement_overlay, proxy_legend, swatches
 from .sidebar import Sidebar, Step, write_wrapped
 
 _STATE_ICONS = {
@@ -171,11 +171,11 @@ CLASSES = (
 
 def register() -> None:
     """Start the overlay, and make the legend's icons."""
-    proxy_legend.register()
+    swatches.register()
     placement_overlay.register()
 
 
 def unregister() -> None:
     """Stop it."""
     placement_overlay.unregister()
-    proxy_legend.unregister()
+    swatches.unregister()

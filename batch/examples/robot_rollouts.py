@@ -2,8 +2,10 @@
 
 blender --background --python batch/examples/robot_rollouts.py -- SCENE [--region "0,0 2,0 2,1.5"] [--try 4]
 python batch/examples/robot_rollouts.py -- SCENE [--robot wheeled --try 4] [--blend OUT.blend]  (pip bpy)
+python batch/examples/robot_rollouts.py -- SCENE --policy student/ [--episodes 20 --episode 3]
 
-Without --try the newest round's rollouts are played, which have to be of the declared robot.
+Without --try the newest round's rollouts are played, which have to be of the declared robot. With
+--policy a policy is evaluated and one of its episodes played instead; --episodes 0 plays of what was evaluated before.
 """
 
 import argparse
@@ -35,12 +37,15 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--seats", action="store_true", help="list what could be sat on")
     parser.add_argument("--try", dest="trial", type=int, default=0, help="attempts without a round")
     parser.add_argument("--attempt", type=int, default=None, help="shown; all successful when left out")
+    parser.add_argument("--policy", metavar="FOLDER|teacher", help="a training's folder, or the teacher: evaluate it")
+    parser.add_argument("--episodes", type=int, default=20, help="of the policy")
+    parser.add_argument("--episode", type=int, default=0, help="of the policy, shown")
     parser.add_argument("--blend", type=Path, help="save what is shown here")
     options = parser.parse_args(arguments)
     with enabled_addon():
         bpy.ops.r2sego.open_scene(directory=str(options.scene.absolute()))
         declare(options)
-        play(options)
+        (play_policy if options.policy else play)(options)
         if options.blend:
             bpy.ops.wm.save_as_mainfile(filepath=str(options.blend.absolute()))
     return 0
@@ -97,6 +102,23 @@ def play(options: argparse.Namespace) -> None:
     moving = [shown for shown in bpy.data.objects if shown.parent is not None]
     scene = bpy.context.scene
     print(f"{len(moving)} objects follow frames 0 to {scene.frame_end}, now at {scene.frame_current}")
+
+
+def play_policy(options: argparse.Namespace) -> None:
+    """Evaluate the policy, list its episodes, show where they began, and one with what the head saw."""
+    ops, robot = bpy.ops.r2sego, bpy.context.scene.r2sego_robot
+    if options.episodes:
+        policy = "" if options.policy == "teacher" else str(Path(options.policy).absolute())
+        ops.evaluate_policy(policy=policy, episodes=options.episodes)
+    found = robot.evaluation
+    if found is None:
+        raise SystemExit("no policy was evaluated here yet")
+    print(f"{found.successes} of {found.episodes} succeeded [{100.0 * found.low:.0f}, {100.0 * found.high:.0f}] %")
+    print(f"driven by {found.driver}, mean assist {found.mean_assist_n:.1f} N")
+    for one in robot.episodes:
+        print(f"episode {one.number}: {one.outcome}, {one.time_s:.1f} s")
+    ops.show_policy_starts()
+    ops.show_policy_episode(episode=options.episode, look_through=True)
 
 
 if __name__ == "__main__":

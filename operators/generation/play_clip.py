@@ -5,9 +5,9 @@ from functools import partial
 import bpy
 from bpy.props import BoolProperty
 
-from ...r2sego_blender.bridge.generation.clip_images import clip_image, play_in_editor, put_behind
 from ...r2sego_blender.bridge.generation.show_path import show_path
 from ...r2sego_blender.bridge.shared.cameras import use_frame_of
+from ...r2sego_blender.bridge.shared.clip_images import clip_image, play_in_editor, put_behind
 from ...r2sego_blender.bridge.shared.image_editors import show_image
 from ...r2sego_blender.core.errors import GenerationError
 from ...r2sego_blender.results.panels.view_parts import clip_files

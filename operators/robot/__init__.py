@@ -1,4 +1,4 @@
-"""The room Robot: the robot, where it may be and what it may do, and its rollouts.
+"""The room Robot: the robot, where it may be and what it may do, its rollouts, and a policy's episodes.
 
 Begin with ``facts.py`` (scope, seats, attempts), ``declaring.py`` (operators that change the declaration) and
 ``showing.py`` (those that show rollouts). May use ``bridge/robot`` and the library, no other room.
@@ -17,11 +17,12 @@ def register() -> None:
     bpy.types.Scene.r2sego_robot = bpy.props.PointerProperty(type=R2SEGO_PG_robot)
     state.readers[facts.ScopeFacts] = state.Reader(facts.read_scope)
     state.readers[facts.AttemptFacts] = state.Reader(facts.read_attempts, facts.chosen_attempts)
+    state.readers[facts.PolicyFacts] = state.Reader(facts.read_policy)
     robot_playback.register()
 
 
 def unregister() -> None:
     """Take them away again."""
     robot_playback.unregister()
-    del state.readers[facts.AttemptFacts], state.readers[facts.ScopeFacts]
+    del state.readers[facts.PolicyFacts], state.readers[facts.AttemptFacts], state.readers[facts.ScopeFacts]
     del bpy.types.Scene.r2sego_robot

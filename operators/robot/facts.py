@@ -1,4 +1,4 @@
-"""What the sub-panel Robot knows: the scope, the seats, and the attempts of the round or of the trial."""
+"""What the sub-panel Robot knows: the scope, the seats, the attempts of the round or the trial, and a policy's."""
 
 from collections.abc import Hashable
 from dataclasses import dataclass
@@ -9,7 +9,8 @@ from ...r2sego_blender.bridge.shared.panel_facts import Facts
 from ...r2sego_blender.core.errors import R2SEgoError
 from ...r2sego_blender.results.panels.bundle import Bundle
 from ...r2sego_blender.results.panels.robot_facts import RobotFacts
-from ...r2sego_blender.results.panels.rollout_list import TRIAL, attempts, has_rollouts
+from ...r2sego_blender.results.panels.rollout_list import POLICY, TRIAL, attempts, has_rollouts
+from ...r2sego_blender.results.policy_evaluation import POLICY_EVALUATION, PolicyEvaluation, is_recorded
 from ...r2sego_blender.robot.scope.region import format_polygon
 from ..state import Line
 
@@ -33,6 +34,15 @@ class AttemptFacts:
     problem: str = ""
 
 
+@dataclass(frozen=True)
+class PolicyFacts:
+    """The recorded evaluation of a policy, None where there is none, and its episodes."""
+
+    evaluation: PolicyEvaluation | None = None
+    episodes: Facts = Facts()
+    problem: str = ""
+
+
 def read_scope(_scene: bpy.types.Scene, bundle: Bundle) -> ScopeFacts:
     """The declared scope and robot. What cannot be read is the room's own problem."""
     try:
@@ -51,6 +61,19 @@ def read_attempts(scene: bpy.types.Scene, bundle: Bundle) -> AttemptFacts:
     except R2SEgoError as error:
         return AttemptFacts(problem=str(error))
     return AttemptFacts(found, sum(one.success for one in found))
+
+
+def read_policy(_scene: bpy.types.Scene, bundle: Bundle) -> PolicyFacts:
+    """The recorded evaluation. What cannot be read, or does not fit together, is the room's own problem."""
+    if not is_recorded(bundle):
+        return PolicyFacts()
+    try:
+        evaluation = bundle.read(POLICY_EVALUATION)
+        found = attempts(bundle, POLICY)
+        evaluation.require_of(one.reason for one in found)
+        return PolicyFacts(evaluation, Facts(found))
+    except R2SEgoError as error:
+        return PolicyFacts(problem=str(error))
 
 
 def chosen_attempts(scene: bpy.types.Scene) -> Hashable:

@@ -5,8 +5,9 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from ...r2sego_blender.bridge.shared.panel_facts import Fact, facts_of
 from ...r2sego_blender.bridge.shared.views_3d import redraw_views
+from ...r2sego_blender.results.policy_evaluation import MOST_EPISODES
 from .. import state
-from .facts import AttemptFacts, ScopeFacts
+from .facts import AttemptFacts, PolicyFacts, ScopeFacts
 
 
 class R2SEGO_PG_robot(bpy.types.PropertyGroup):
@@ -31,12 +32,22 @@ class R2SEGO_PG_robot(bpy.types.PropertyGroup):
         ],
     )
     attempts, succeeded = Fact(AttemptFacts), Fact(AttemptFacts)
+    evaluation, episodes = Fact(PolicyFacts), Fact(PolicyFacts)
     region, seats = Fact(ScopeFacts), Fact(ScopeFacts)
     attempt_index: IntProperty(name="Attempt", description="The attempt whose particulars are shown", min=0)
     seat_index: IntProperty(name="Seat", description="The chosen seat", min=0)
     trial_attempts: IntProperty(
         name="Attempts", description="How many attempts a trial makes", default=6, min=1, max=1000
     )
+    policy: StringProperty(
+        name="Policy",
+        description="The folder of a training to evaluate; empty for the teacher, which knows the true state",
+        subtype="DIR_PATH",
+    )
+    policy_episodes: IntProperty(
+        name="Episodes", description="How many episodes an evaluation tries", default=20, min=1, max=MOST_EPISODES
+    )
+    episode_index: IntProperty(name="Episode", description="The episode whose particulars are shown", min=0)
     show_region: BoolProperty(
         name="Show Region",
         description="Draw the behaviour region on the floor of the 3D view",
@@ -47,6 +58,7 @@ class R2SEGO_PG_robot(bpy.types.PropertyGroup):
 
     @property
     def problem(self) -> str:
-        """What of the robot or its attempts cannot be read, '' when all can."""
+        """What of the robot, its attempts or a policy's cannot be read, '' when all can."""
         scene = self.id_data
-        return facts_of(scene, ScopeFacts).problem or facts_of(scene, AttemptFacts).problem
+        problems = (facts_of(scene, kind).problem for kind in (ScopeFacts, AttemptFacts, PolicyFacts))
+        return next(filter(None, problems), "")

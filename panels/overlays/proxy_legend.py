@@ -1,21 +1,6 @@
-"""Colour swatches for the proxy's legend: icons of one colour, made when they are first drawn."""
+"""What the colours of the shown proxy mean, below the button that shows it."""
 
-import bpy
-import bpy.utils.previews
-
-_SIDE_PX = 16
-_icons: dict[str, "bpy.utils.previews.ImagePreviewCollection"] = {}
-
-
-def swatch(colour) -> int:
-    """The icon of an sRGB colour in [0, 1]."""
-    icons = _icons["all"]
-    name = "".join(f"{round(255 * part):02x}" for part in colour)
-    if name not in icons:
-        icon = icons.new(name)
-        icon.icon_size = (_SIDE_PX, _SIDE_PX)
-        icon.icon_pixels_float = (*colour, 1.0) * _SIDE_PX**2
-    return icons[name].icon_id
+from .swatches import swatch
 
 
 def draw_legend(layout, group) -> None:
@@ -31,13 +16,3 @@ def draw_legend(layout, group) -> None:
         area = row.row()
         area.alignment = "RIGHT"
         area.label(text=f"{line.area:.2f} m\u00b2")
-
-
-def register() -> None:
-    """Make room for the icons."""
-    _icons["all"] = bpy.utils.previews.new()
-
-
-def unregister() -> None:
-    """Let them go."""
-    bpy.utils.previews.remove(_icons.pop("all"))

@@ -50,16 +50,30 @@ def train(scene: Path, folder: Path, overrides: tuple[str, ...], asset: str, cha
 @click.option("--episodes", type=click.IntRange(1, 100_000), default=100, show_default=True)
 @click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=0, show_default=True, help="Of the episodes.")
 @click.option("--reference", default="", metavar="FOLDER", help="A reference room to take the episodes to.")
+@click.option("--record", type=FOLDER, help="Keep its episodes there; in SCENE/robot/policy Blender shows them.")
 @_task_options
 @output_options("--json", "--json-progress")
 def evaluate(
-    scene: Path, which: str, episodes: int, seed: int, reference: str, asset: str, chairs: str, output: Output
+    scene: Path,
+    which: str,
+    episodes: int,
+    seed: int,
+    reference: str,
+    record: Path | None,
+    asset: str,
+    chairs: str,
+    output: Output,
 ) -> None:
     """How often a policy sits down in SCENE, why it failed, and how much the helping force helped."""
     from ..policy.training import Task, evaluate_policy, lines
 
     task = Task(scene, asset, _names(chairs), reference)
-    found = evaluate_policy(task, which, episodes, seed, output.progress)
+    if record is None:
+        found = evaluate_policy(task, which, episodes, seed, output.progress)
+    else:
+        from ..policy.recorded_evaluation import recorded_evaluation
+
+        found = recorded_evaluation(task, which, episodes, seed, record, output.progress)
     output.show(dataclasses.asdict(found), lambda _: [*lines(task, which, found)])
 
 

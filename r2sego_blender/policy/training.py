@@ -19,6 +19,7 @@ from .dagger.settings import DaggerSettings
 from .packages import policy_package
 
 if TYPE_CHECKING:
+    from .dagger.bundle_episodes import BundleEpisodes
     from .dagger.episodes import Outcome
     from .dagger.evaluation import Evaluation
     from .environment.environments import SitEnv
@@ -88,23 +89,28 @@ def train_policy(task: Task, folder: Path, settings: DaggerSettings, progress: P
 
 
 def policy_outcomes(
-    task: Task, policy: str | Path, episodes: int, seed: int, progress: Progress = SILENT
+    task: Task,
+    policy: str | Path,
+    episodes: int,
+    seed: int,
+    progress: Progress = SILENT,
+    room: BundleEpisodes | None = None,
 ) -> Iterator[Outcome]:
     """How so many episodes end in which a training's student, or the teacher, acts.
 
-    Episodes are drawn by ``seed`` and differ from those of trainings. Raises MachineError where the folder
-    ``policy`` has no checkpoint that can be read.
+    Episodes are drawn by ``seed`` and differ from those of trainings; ``room`` has them, the task's own if it is
+    not given. Raises MachineError where the folder ``policy`` has no checkpoint that can be read.
     """
-    env = task.environment()
+    policy_package("gymnasium")
     from .dagger.acting import outcomes, taught_outcomes
     from .dagger.bundle_episodes import BundleEpisodes
     from .dagger.checkpoints import load_student
     from .dagger.loop import CHECKPOINT
 
-    room = BundleEpisodes(env)
+    room = room or BundleEpisodes(task.environment())
     seeds = progress.track(evaluation_seeds(seed, episodes), "Episodes", episodes)
     if policy == TEACHER:
-        yield from taught_outcomes(room, room, env.limits, iter(seeds))
+        yield from taught_outcomes(room, room, room.limits, iter(seeds))
     else:
         yield from outcomes(room, load_student(Path(policy) / CHECKPOINT), iter(seeds))
 

@@ -7,10 +7,10 @@ import pytest
 
 bpy = pytest.importorskip("bpy", reason="pip bpy is not installed")
 
-from r2sego_blender.bridge.generation.clip_images import clip_image, put_behind  # noqa: E402
 from r2sego_blender.bridge.generation.show_path import show_path  # noqa: E402
 from r2sego_blender.bridge.generation.view_pictures import compare_picture, image_of, read_levels, shown_part  # noqa: E402
 from r2sego_blender.bridge.shared.cameras import camera_of  # noqa: E402
+from r2sego_blender.bridge.shared.clip_images import clip_image, put_behind  # noqa: E402
 from r2sego_blender.bridge.shared.image_editors import show_image  # noqa: E402
 from r2sego_blender.bridge.shared.outliner import find_collection  # noqa: E402
 from r2sego_blender.core.errors import SceneError  # noqa: E402

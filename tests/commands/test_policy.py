@@ -45,8 +45,10 @@ def test_a_policy_is_trained_once_and_evaluated(room, tmp_path):
     assert told["episodes"] == 1 and told["successes"] + sum(told["failures"].values()) == 1
 
 
-def test_the_teacher_is_evaluated_and_what_helps_it_is_said(room):
-    told = json.loads(run("evaluate", room, "--policy", "teacher", "--episodes", 2, "--json"))
+def test_the_teacher_is_evaluated_and_what_helps_it_is_said_and_kept(room, tmp_path):
+    kept = tmp_path / "kept"
+    told = json.loads(run("evaluate", room, "--policy", "teacher", "--episodes", 2, "--json", "--record", kept))
+    assert json.loads((kept / "evaluation.json").read_text()).items() >= told.items()
     assert told["successes"] == 2 and told["mean_assist_n"] > 0.0
 
 

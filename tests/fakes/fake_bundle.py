@@ -7,6 +7,7 @@ import numpy as np
 from bundles import new_bundle
 from fake_asset import write_assets
 from fake_captures import fill_captures, fill_report
+from fake_policy_evaluation import fill_policy
 from fake_proxy import write_coverage, write_edit, write_objects
 from fake_rollouts import fill_rollouts, fill_trial
 from fake_views import write_views
@@ -118,6 +119,7 @@ def _fill(folder: Path) -> None:
     for index in (0, 1):
         _fill_round(folder / "rounds" / str(index), index)
     fill_trial(folder)
+    fill_policy(folder)
     write_objects(folder, {f"capture_{i}": camera for i, camera in enumerate(cameras())})
     write_edit(folder, proxy())
     hulls = folder / "collision" / "hulls"

@@ -20,6 +20,10 @@ class BundleEpisodes:
 
     def __init__(self, env: SitEnv | WalkEnv) -> None:
         self._env, self._teacher = env, self._teacher_of(env)
+        self.limits = env.limits
+        """What an action of 1 and of -1 is."""
+        self.detail = ""
+        """What happened where the present episode failed."""
 
     def reset(self, seed: int) -> tuple[Observation, PrivilegedState]:
         """Begin episode ``seed``."""
@@ -32,6 +36,7 @@ class BundleEpisodes:
     def step(self, action: np.ndarray) -> tuple[Observation, PrivilegedState, bool]:
         """Do ``action`` (4,); the last says whether the episode is over."""
         observation, _, ended, cut_off, info = self._env.step(action)
+        self.detail = info["detail"]
         return observation, info["state"], ended or cut_off
 
     def label(self, state: PrivilegedState, phase: Any = None) -> tuple[DriveCommand, Any]:

@@ -121,6 +121,17 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
         self._require_start()
         return self._episode.state()
 
+    @property
+    def qpos(self) -> np.ndarray:
+        """(nq,) float64: the robot's true configuration now."""
+        return self._episode.data.qpos.copy()
+
+    @property
+    def head_view(self) -> HeadView:
+        """How the head sees in this episode. Raises as ``state``."""
+        self._require_start()
+        return self._drawn.view
+
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""The attempts of a round, or of a trial, as Blender lists them. No bpy."""
+"""The attempts of a round, of a trial, or of a policy, as Blender lists them. No bpy."""
 
 from __future__ import annotations
 
@@ -14,13 +14,19 @@ from .bundle import Bundle
 TRIAL = -1
 """In place of a round's number: the attempts that were tried without a round."""
 
+POLICY = -2
+"""In place of a round's number: the recorded episodes of a policy."""
+
+_APART = {TRIAL: "robot/trial", POLICY: "robot/policy"}
+_CURES = {POLICY: "Press Evaluate under Policy again."}
 _CURE = "Run Refine, or Try Rollouts, again."
 
 
 @dataclass(frozen=True)
 class Attempt:
     """One attempt at the behaviour; ``frame`` is the last before a failure, or the last of all,
-    and ``time_s`` its time. ``reason`` and ``detail`` say why it failed; '' for a success."""
+    and ``time_s`` its time. ``reason`` and ``detail`` say why it failed; '' for a success.
+    ``assist_n`` is the mean size of the helping force on the base."""
 
     number: int
     behaviour: str
@@ -30,6 +36,7 @@ class Attempt:
     frame: int
     frames: int
     time_s: float
+    assist_n: float
 
     @property
     def outcome(self) -> str:
@@ -38,16 +45,16 @@ class Attempt:
 
 
 def rollouts_folder(bundle: Bundle, round_index: int) -> Path:
-    """Where the rollouts of a round, or of the last trial, stand."""
-    if round_index == TRIAL:
-        return bundle.path / "robot" / "trial"
+    """Where the rollouts of a round, of the last trial, or of a policy, stand."""
+    if round_index in _APART:
+        return bundle.path / _APART[round_index]
     return bundle.scene.round_folder(round_index) / "rollouts"
 
 
 def bodies_folder(bundle: Bundle, round_index: int) -> Path:
     """Where the robot's bodies along these rollouts stand, once they are written."""
-    if round_index == TRIAL:
-        return rollouts_folder(bundle, TRIAL)
+    if round_index in _APART:
+        return rollouts_folder(bundle, round_index)
     return bundle.scene.round_folder(round_index) / "bodies"
 
 
@@ -61,8 +68,8 @@ def attempts(bundle: Bundle, round_index: int) -> list[Attempt]:
     are damaged."""
     folder = rollouts_folder(bundle, round_index)
     if not has_rollouts(bundle, round_index):
-        what = "nothing was tried yet" if round_index == TRIAL else f"round {round_index} has no rollouts"
-        raise SceneError(what, where=folder, cure=_CURE)
+        what = "nothing was tried yet" if round_index in _APART else f"round {round_index} has no rollouts"
+        raise SceneError(what, where=folder, cure=_CURES.get(round_index, _CURE))
     return [
         Attempt(
             number,
@@ -73,6 +80,7 @@ def attempts(bundle: Bundle, round_index: int) -> list[Attempt]:
             told.frame,
             len(told.qpos),
             float(told.times_s[-1]) if len(told.times_s) else 0.0,
+            told.quality.assist_n,
         )
         for number, told in enumerate(_rollouts(bundle, round_index))
     ]
@@ -83,10 +91,18 @@ def camera_poses(bundle: Bundle, round_index: int, number: int) -> np.ndarray:
     return _rollouts(bundle, round_index)[number].camera_poses
 
 
+def start_poses(bundle: Bundle, round_index: int) -> np.ndarray:
+    """(N, 3) float64: where each attempt's base began, x and y in metres and its heading in radians.
+
+    nan for one that never began, and for camera flights. Raises RobotError where their files are damaged.
+    """
+    every = [told.qpos for told in _rollouts(bundle, round_index)]
+    first = [qpos[0, :7] if len(qpos) and qpos.shape[1] >= 7 else np.full(7, np.nan) for qpos in every]
+    x, y, _, w, i, j, k = np.reshape(first, (-1, 7)).T
+    return np.stack([x, y, np.arctan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))], axis=1)
+
+
 def _rollouts(bundle: Bundle, round_index: int) -> tuple[Rollout, ...]:
     """Raises RobotError where their files are damaged."""
-    return bundle.read(TRIAL_ROLLOUTS if round_index == TRIAL else ROLLOUTS.of_round(round_index))
-
-
-TRIAL_ROLLOUTS = replace(ROLLOUTS, name="robot/trial")
-"""The attempts of the last trial."""
+    apart = _APART.get(round_index)
+    return bundle.read(replace(ROLLOUTS, name=apart) if apart else ROLLOUTS.of_round(round_index))

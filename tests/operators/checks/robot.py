@@ -16,6 +16,7 @@ OPERATORS = {
     "choose_scope",
     "clear_region",
     "draw_region",
+    "evaluate_policy",
     "inspect_robot",
     "jump_to_attempt",
     "pick_target",
@@ -24,6 +25,8 @@ OPERATORS = {
     "set_behaviours",
     "set_clearance",
     "set_mount",
+    "show_policy_episode",
+    "show_policy_starts",
     "show_rollout",
     "trust_policy",
     "try_rollouts",
@@ -397,3 +400,48 @@ def check_without_rollouts_the_buttons_say_why():
     bpy.ops.wm.read_homefile(use_empty=True)
     for name in OPERATORS:
         assert "Open a scene first" in refused(getattr(bpy.ops.r2sego, name)), name
+
+
+def check_a_policy_is_evaluated_by_the_engine_into_the_bundle():
+    open_bundle()
+    conduct("succeed")
+    kept = str(BUNDLE / "robot" / "policy")
+    assert bpy.ops.r2sego.evaluate_policy() == {"FINISHED"}
+    assert bpy.ops.r2sego.evaluate_policy(policy="/t/student", episodes=7, seed=3) == {"FINISHED"}
+    options = (("teacher", "20", "0"), ("/t/student", "7", "3"))
+    for call, (policy, episodes, seed) in zip(calls(), options, strict=True):
+        assert call[:5] == ["policy", "evaluate", str(BUNDLE), "--policy", policy]
+        assert call[5:9] == ["--episodes", episodes, "--seed", seed]
+        assert call[9:] == ["--record", kept, "--json-progress"]
+
+
+def check_a_recorded_evaluation_is_told_and_shown():
+    open_bundle()
+    told = robot().evaluation
+    assert (told.successes, told.episodes, told.policy_name) == (1, 3, "student")
+    assert [(one.reason, one.frames) for one in robot().episodes] == [("", 11), ("body_contact", 5), ("no_goal", 8)]
+    assert bpy.ops.r2sego.show_policy_episode(episode=1, look_through=True) == {"FINISHED"}
+    scene = bpy.context.scene
+    assert (scene.frame_start, scene.frame_end, robot().episode_index) == (0, 4, 1)
+    (background,) = scene.camera.data.background_images
+    assert background.image.filepath.endswith("000.png") and background.image.size[:] == (128, 96)
+    assert "no episode 9" in refused(bpy.ops.r2sego.show_policy_episode, episode=9)
+    assert bpy.ops.r2sego.show_policy_starts() == {"FINISHED"}
+    starts = bpy.data.objects["Start poses"]
+    assert [one.name for one in starts.data.materials] == [
+        "R2S-EGO start, success",
+        "R2S-EGO start, body_contact",
+        "R2S-EGO start, no_goal",
+    ]
+
+
+def check_without_an_evaluation_and_with_a_damaged_one_it_is_said():
+    copy = copied_bundle()
+    (copy / "robot" / "policy" / "evaluation.json").write_text("{}")
+    bpy.ops.r2sego.refresh_scene()
+    assert "evaluation.json" in robot().problem and robot().evaluation is None
+    shutil.rmtree(copy / "robot" / "policy")
+    bpy.ops.r2sego.refresh_scene()
+    assert robot().problem == "" and len(robot().episodes) == 0
+    for operator in (bpy.ops.r2sego.show_policy_episode, bpy.ops.r2sego.show_policy_starts):
+        assert "No policy was evaluated" in refused(operator)

@@ -1,4 +1,4 @@
-"""What a training of a policy leaves, recorded episodes and checkpoints, and the light it is tested in."""
+"""What a training of a policy leaves, episodes, checkpoints and kept evaluations, and the light it is tested in."""
 
 from __future__ import annotations
 
@@ -60,6 +60,20 @@ def _read_checkpoint(folder: Path) -> Any:
     return place, {name: tensor.numpy() for name, tensor in student.state_dict().items()}
 
 
+def _evaluation(folder: Path) -> None:
+    from r2sego_blender.results.policy_evaluation import PolicyEvaluation
+
+    failures = {"fall": 2, "missed_target": 1}
+    PolicyEvaluation("teacher", "a drive", "a.ply", "", ("stool",), 7, 10, 0.35, 0.93, failures, 14.5).save(folder)
+
+
+def _read_evaluation(folder: Path) -> Any:
+    from r2sego_blender.results.policy_evaluation import PolicyEvaluation
+
+    read = PolicyEvaluation.load(folder)
+    return read, read.by_end, read.policy_name
+
+
 def _light_field(folder: Path) -> None:
     from r2sego_blender.geometry.texture.surface_light_field import SurfaceLightField
 
@@ -79,6 +93,7 @@ def _read_light_field(folder: Path) -> Any:
 
 HARNESSES = (
     Harness("training/light", _light_field, "light.npz", "npz", _read_light_field),
+    Harness("training/evaluation.json", _evaluation, "evaluation.json", "json", _read_evaluation),
     Harness("training/episode", _episode, "000000/steps.npz", "npz", _read_episode),
     Harness("training/pictures", _episode, "000000/pictures.raw", "bytes", _read_episode, share=0.2),
     Harness("training/checkpoint", _checkpoint, "checkpoint.npz", "npz", _read_checkpoint, share=0.05),

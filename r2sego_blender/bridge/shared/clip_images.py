@@ -1,4 +1,4 @@
-"""A generated clip's frames as one image sequence, behind the camera that goes along its path."""
+"""A clip's frames as one image sequence, behind the camera that saw them: generated ones, and a head's."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from pathlib import Path
 
 import bpy
 
-from ...core.errors import GenerationError
+from ...core.errors import GenerationError, R2SEgoError
 from ...core.image_sizes import require_sensible_png
-from ..shared.image_editors import image_editors
+from .image_editors import image_editors
 
 
-def clip_image(name: str, files: Sequence[Path]) -> bpy.types.Image:
+def clip_image(name: str, files: Sequence[Path], error: type[R2SEgoError] = GenerationError) -> bpy.types.Image:
     """The frames, numbered without a gap, as the image sequence of this name.
 
-    Raises GenerationError for one that is no PNG, or of more pixels than is sensible.
+    Raises ``error`` for one that is no PNG, or of more pixels than is sensible.
     """
     for file in files:
-        require_sensible_png(file, GenerationError)
+        require_sensible_png(file, error)
     before = bpy.data.images.get(name)
     if before is not None:
         bpy.data.images.remove(before)
