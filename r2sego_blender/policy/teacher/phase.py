@@ -40,7 +40,7 @@ class Phase:
 
 # The base is upright above this share of its standing height.
 _UPRIGHT = 0.88
-_ARRIVED_M, _LEFT_M = 0.12, 0.9
+_ARRIVED_M, _NEAR_M, _LEFT_M = 0.12, 0.3, 0.9
 # Who is so near to the place before the seat, and so far turned away from it, steps there without turning round.
 _STEP_THERE_M, _STEP_THERE_RAD = 0.6, 1.2
 _TURNED_RAD, _LATERAL_M = 0.06, 0.04
@@ -52,8 +52,9 @@ _DEEPER_A_TRY_M, _MOST_DEEPER_M = 0.05, 0.1
 _PATIENCE_S, _LOST_SEAT_S = 4.0, 1.5
 # Who backs up for longer leans against something.
 _BACKING_S = 6.0
-# About to face away from the seat, a robot that has it straight ahead turns to the left.
-_EITHER_SIDE_RAD = 2.6
+# About to face away from the seat, a robot that has it straight ahead turns to the left; it may change its mind, and go
+# back and forth, where one way has become clearly the shorter one.
+_EITHER_SIDE_RAD, _SHORTER_RAD = 2.6, 2.0
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ def begun(state: PrivilegedState, seat: Seat, standing_m: float) -> Phase:
     if near and frame.along_m < seat.approach_m - _ARRIVED_M and abs(frame.lateral_m) < seat.approach_m:
         return Phase(Name.STEP_AHEAD, now)
     away_m = np.linalg.norm(state.base_xy_m - seat.ahead(seat.approach_m))
-    if away_m < _ARRIVED_M or (away_m < _STEP_THERE_M and abs(frame.error_rad) < _STEP_THERE_RAD):
+    if away_m < _NEAR_M or (away_m < _STEP_THERE_M and abs(frame.error_rad) < _STEP_THERE_RAD):
         return Phase(Name.TURN, now, side_of(frame.error_rad))
     return Phase(Name.APPROACH, now)
 
@@ -122,13 +123,13 @@ def following(phase: Phase, state: PrivilegedState, seat: Seat, standing_m: floa
     turning = replace(phase, name=Name.TURN, side=side_of(frame.error_rad), since_s=now)
     before = frame.along_m < stand_off_m(phase) + _BEFORE_SEAT_M
     match phase.name:
-        case Name.APPROACH if away_m < _ARRIVED_M:
+        case Name.APPROACH if away_m < _NEAR_M:
             return turning
         case Name.TURN if frame.is_aligned(_TURNED_RAD, _LATERAL_M):
             return replace(phase, name=Name.BACK_UP, side=0, since_s=now)
         case Name.TURN if away_m > _LEFT_M:
             return replace(begun(state, seat, standing_m), tries=phase.tries)
-        case Name.TURN if abs(frame.error_rad) < 0.5:  # it may now go back and forth
+        case Name.TURN if abs(frame.error_rad) < _SHORTER_RAD:
             return replace(phase, side=0)
         case Name.STAND_UP:
             return replace(phase, name=Name.STEP_AHEAD, since_s=now)

@@ -23,7 +23,7 @@ _CRUISE_M_S, _SLOWEST_M_S, _BACK_M_S = 0.5, 0.08, 0.2
 # Obstacles so near slow it down: 1/s.
 _CLEARANCE_GAIN = 2.0
 _STOP_M = 0.1
-_BEYOND_M = 0.05
+_BEYOND_M = 0.1
 
 
 @dataclass(frozen=True)
@@ -58,25 +58,27 @@ class Teacher:
             now = following(phase, state, seat, self._standing_m)
         frame = SeatFrame.of(seat, state.base_xy_m, state.yaw_rad)
         turning_place = seat.ahead(seat.approach_m)
+        beyond = seat.ahead(seat.approach_m + _BEYOND_M)  # where it does not slow down before it is on free floor
         match now.name:
             case Name.SIT | Name.HOLD:
                 return DriveCommand(0.0, 0.0, 0.0, True), now
             case Name.STAND_UP:
                 return DriveCommand(0.0, 0.0, 0.0, False), now
             case Name.STEP_AHEAD:
-                return self._within(self._towards(turning_place, state, _BACK_M_S)), now
+                return self._within(self._towards(beyond, state, _BACK_M_S)), now
             case Name.BACK_UP:
-                wanted = seat.ahead(stand_off_m(now) - _BEYOND_M)  # it does not slow down before it is there
+                wanted = seat.ahead(stand_off_m(now) - 0.5 * _BEYOND_M)  # it does not slow down before it is there
                 moved = self._towards(wanted, state, _BACK_M_S)
                 return self._within(_Velocity(moved.ahead, moved.left, _TURN_GAIN * frame.error_rad)), now
             case Name.TURN:
-                moved = self._towards(self._way_to(turning_place, state.base_xy_m)[0], state, _BACK_M_S)
+                free = bool(self.floor.is_free(state.base_xy_m))
+                aim = self._way_to(turning_place, state.base_xy_m)[0] if free else beyond
+                moved = self._towards(aim, state, _BACK_M_S)
                 turn = frame.error_rad
                 if now.side and turn * now.side < 0.0:
                     turn += math.copysign(math.tau, now.side)
                 # Beside furniture it steps away before it turns.
-                share = 1.0 if self.floor.is_free(state.base_xy_m) else 0.0
-                return self._within(_Velocity(moved.ahead, moved.left, share * _TURN_GAIN * turn)), now
+                return self._within(_Velocity(moved.ahead, moved.left, _TURN_GAIN * turn if free else 0.0)), now
         return self._within(self._along_way(turning_place, state)), now
 
     def _walk(self, state: PrivilegedState) -> tuple[DriveCommand, Phase]:
