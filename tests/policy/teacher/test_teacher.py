@@ -90,7 +90,7 @@ def test_thrown_off_in_the_middle_it_comes_to_sit_all_the_same(floor, seat, teac
 
 
 def test_where_lowering_finds_no_seat_it_stands_up_steps_ahead_and_sits_deeper(floor, seat, teacher):
-    robot = KinematicRobot(floor, seat, seat.ahead(seat.approach_m), seat.yaw_rad, carrying_m=STAND_OFF_M - 0.03)
+    robot = KinematicRobot(floor, seat, seat.ahead(seat.approach_m), seat.yaw_rad, carrying_m=STAND_OFF_M)
     phase, names = None, []
     for _ in range(400):
         command, phase = teacher.label(robot.state, phase)
@@ -110,7 +110,7 @@ def test_it_has_its_back_to_the_seat_at_the_stand_off_when_it_sits_down(floor, s
             command, phase = teacher.label(robot.state, phase)
             robot.step(command)
         frame = SeatFrame.of(seat, robot.place, robot.yaw_rad)
-        assert frame.along_m == pytest.approx(STAND_OFF_M, abs=0.04)
+        assert STAND_OFF_M - 0.04 < frame.along_m < STAND_OFF_M + 0.05
         assert frame.is_aligned(0.12, 0.06)
 
 
