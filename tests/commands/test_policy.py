@@ -18,7 +18,7 @@ from r2sego_blender.core.errors import SettingsError
 from r2sego_blender.policy.dagger.loop import episode_seed
 from r2sego_blender.policy.training import evaluation_seeds, settings_of
 
-SHORT = {"teacher_episodes": 1, "iterations": 1, "episodes": 1, "epochs": 1, "last_epochs": 1}
+SHORT = {"teacher_episodes": 1, "views": 4, "eye_epochs": 1, "iterations": 1, "episodes": 1, "epochs": 1}
 
 
 @pytest.fixture(scope="module")

@@ -66,7 +66,7 @@ def learn(
     student.train()
     for begin in range(0, count, settings.sequences):
         for group in optimizer.param_groups:
-            group["lr"] = settings.rate((epoch + begin / count) / settings.epochs_of(iteration))
+            group["lr"] = settings.rate((epoch + begin / count) / settings.epochs)
         chosen = [episodes[int(number)] for number in order[begin : begin + settings.sequences]]
         batch = sorted(chosen, key=len, reverse=True)  # the shorter ones leave it first
         state = student.start(len(batch))

@@ -161,7 +161,7 @@ class _Run:
 
     def learn(self, iteration: int, progress: Progress, log: Any) -> None:
         """Pass over all episodes as often as is left to do after ``iteration``, and keep each pass."""
-        count, passes = self.count(iteration), self.settings.epochs_of(iteration)
+        count, passes = self.count(iteration), self.settings.epochs
         first = self.place.epochs if self.place.iteration == iteration else 0
         self.seen += [SeenEpisode.of(self.store[number], self.student) for number in range(len(self.seen), count)]
         with progress.task(f"Learning {iteration}/{self.settings.iterations}", (passes - first) * count) as task:

@@ -17,7 +17,7 @@ class DaggerSettings:
     eye_epochs: int = setting(
         6, "Passes in which the eye learns where it is, from views and the teacher's episodes.", 0, 1000
     )
-    iterations: int = setting(6, "Times that the student acts and learns again, after the teacher's episodes.", 0, 1000)
+    iterations: int = setting(5, "Times that the student acts and learns again, after the teacher's episodes.", 0, 1000)
     episodes: int = setting(32, "Episodes of each iteration.", 1, 100_000)
     teacher_share: float = setting(
         0.5, "Beta of the first iteration: the share of its steps that the teacher drives; it falls to 0.", 0.0, 1.0
@@ -25,12 +25,8 @@ class DaggerSettings:
     mixed_iterations: int = setting(2, "Iterations in which the teacher drives at all.", 0, 1000)
     turns_steps: int = setting(10, "Teacher and student drive for so many steps at a time.", 1, 10_000)
     epochs: int = setting(
-        15,
-        "Passes over all episodes after each iteration but the last; in each the learning rate falls to 0.",
-        1,
-        10_000,
+        30, "Passes over all episodes after each iteration, while the learning rate falls to 0.", 1, 10_000
     )
-    last_epochs: int = setting(30, "Passes over all episodes at the end.", 1, 10_000)
     pictures: int = setting(32, "Pictures of a batch that the eye learns from.", 1, 4096)
     sequences: int = setting(16, "Episodes that a batch walks through side by side.", 1, 1024)
     window_steps: int = setting(32, "Steps of truncated backpropagation through time.", 1, 1024)
@@ -44,10 +40,6 @@ class DaggerSettings:
         if iteration == 0:
             return 1.0
         return self.teacher_share * max(0.0, 1.0 - (iteration - 1) / max(1, self.mixed_iterations))
-
-    def epochs_of(self, iteration: int) -> int:
-        """Passes over all episodes after ``iteration``."""
-        return self.last_epochs if iteration == self.iterations else self.epochs
 
     def rate(self, done: float) -> float:
         """The learning rate when the share ``done`` of the passes of an iteration is made: who acts has settled."""

@@ -105,10 +105,15 @@ def begun(state: PrivilegedState, seat: Seat, standing_m: float) -> Phase:
         return Phase(Name.BACK_UP, now)
     if near and frame.along_m < seat.approach_m - _ARRIVED_M and abs(frame.lateral_m) < seat.approach_m:
         return Phase(Name.STEP_AHEAD, now)
-    away_m = np.linalg.norm(state.base_xy_m - seat.ahead(seat.approach_m))
-    if away_m < _NEAR_M or (away_m < _STEP_THERE_M and abs(frame.error_rad) < _STEP_THERE_RAD):
+    away_m = float(np.linalg.norm(state.base_xy_m - seat.ahead(seat.approach_m)))
+    if _may_step_there(away_m, frame):
         return Phase(Name.TURN, now, side_of(frame.error_rad))
     return Phase(Name.APPROACH, now)
+
+
+def _may_step_there(away_m: float, frame: SeatFrame) -> bool:
+    """Whether it gets to the place before the seat, ``away_m`` from it, by steps, without facing it."""
+    return away_m < _NEAR_M or (away_m < _STEP_THERE_M and abs(frame.error_rad) < _STEP_THERE_RAD)
 
 
 def following(phase: Phase, state: PrivilegedState, seat: Seat, standing_m: float) -> Phase:
@@ -123,7 +128,7 @@ def following(phase: Phase, state: PrivilegedState, seat: Seat, standing_m: floa
     turning = replace(phase, name=Name.TURN, side=side_of(frame.error_rad), since_s=now)
     before = frame.along_m < stand_off_m(phase) + _BEFORE_SEAT_M
     match phase.name:
-        case Name.APPROACH if away_m < _NEAR_M:
+        case Name.APPROACH if _may_step_there(away_m, frame):
             return turning
         case Name.TURN if frame.is_aligned(_TURNED_RAD, _LATERAL_M):
             return replace(phase, name=Name.BACK_UP, side=0, since_s=now)

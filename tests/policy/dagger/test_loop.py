@@ -34,7 +34,6 @@ SHORT = DaggerSettings(
     iterations=1,
     episodes=3,
     epochs=2,
-    last_epochs=1,
     pictures=8,
     sequences=2,
     window_steps=3,
@@ -47,7 +46,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # who runs tests in th
 from dot_environment import DotEnvironment, DotTeacher
 from r2sego_blender.policy.dagger.loop import train_student
 from r2sego_blender.policy.dagger.settings import DaggerSettings
-settings = DaggerSettings(teacher_episodes=8, views=8, eye_epochs=1, iterations=0, last_epochs=10_000)
+settings = DaggerSettings(teacher_episodes=8, views=8, eye_epochs=1, iterations=0, epochs=10_000)
 train_student(DotEnvironment(0), DotTeacher(), settings, Path(sys.argv[1]))
 """
 UNSEEN = range(2**33, 2**33 + 40)
@@ -89,8 +88,7 @@ def test_the_student_learns_from_pictures_what_the_teacher_knows(tmp_path):
         teacher_episodes=16,
         iterations=2,
         episodes=8,
-        epochs=10,
-        last_epochs=30,
+        epochs=15,
         pictures=16,
         sequences=4,
         window_steps=12,
@@ -135,9 +133,7 @@ def test_a_finished_training_is_not_trained_again(undisturbed):
 
 
 def test_pairs_share_initial_weights_and_the_teacher_s_episodes_and_differ_in_pictures_alone(tmp_path):
-    settings = DaggerSettings(
-        teacher_episodes=5, views=4, eye_epochs=1, iterations=0, last_epochs=1, learning_rate=1e-6
-    )
+    settings = DaggerSettings(teacher_episodes=5, views=4, eye_epochs=1, iterations=0, epochs=1, learning_rate=1e-6)
     trained(tmp_path / "red", settings, hue=0)
     trained(tmp_path / "green", settings, hue=1)
     for number in range(5):

@@ -24,7 +24,7 @@ from r2sego_blender.policy.training import STUDENT_ONNX, Task, evaluation_seeds
 
 def test_a_policy_is_trained_and_its_episodes_are_those_of_its_seed(tmp_path: Path):
     task = as_json(Task(training_room(tmp_path / "room.r2s")))
-    settings = DaggerSettings(seed=5, teacher_episodes=1, views=4, eye_epochs=1, iterations=0, last_epochs=1)
+    settings = DaggerSettings(seed=5, teacher_episodes=1, views=4, eye_epochs=1, iterations=0, epochs=1)
     place = tmp_path / "seed_0" / "refined"
     train_and_test(
         {
