@@ -12,7 +12,7 @@ from torch.nn.utils.rnn import pad_sequence
 
 from ..student.network import Output, Student
 from .episodes import Episode
-from .losses import SMALL, seat_loss
+from .losses import seat_loss, two_hot
 from .settings import DaggerSettings
 
 _MOST_GRADIENT = 1.0
@@ -92,8 +92,7 @@ def learn(
 def _losses(output: Output, actions: torch.Tensor, seat: torch.Tensor, there: torch.Tensor) -> dict[str, torch.Tensor]:
     """Of the commands, of sitting and of the seat's pose, means over the frames that are ``there`` (B, T)."""
     wanted, targets = actions[there], seat[there]
-    # Where the teacher's command jumps, the student is not to give the mean: large errors count by their size.
-    commands = functional.smooth_l1_loss(output.commands[there], wanted[:, :3], beta=SMALL)
+    commands = -(two_hot(wanted[:, :3]) * output.levels[there].log_softmax(dim=-1)).sum(dim=-1).mean()
     sit = functional.binary_cross_entropy_with_logits(output.sit[there], (wanted[:, 3] > 0.0).float())
     everywhere = torch.ones(len(targets), dtype=torch.bool)
     return {"commands": commands, "sit": sit, "seat": seat_loss(output.seat[there], targets, everywhere)}

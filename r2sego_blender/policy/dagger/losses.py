@@ -7,11 +7,19 @@ from collections.abc import Mapping
 import torch
 from torch.nn import functional
 
+from ..student.network import LEVELS
+
 SMALL = 0.1
 """Errors beyond it, shares of a command's limit or of ``PLACE_M``, count by their size, not its square."""
 
 PLACE_M = 2.0
 """Places and distances are learnt as multiples of it."""
+
+
+def two_hot(commands: torch.Tensor) -> torch.Tensor:
+    """(N, 3, LEVELS) of ``commands`` (N, 3) in [-1, 1]: the two levels beside each share it, and have its mean."""
+    place = (commands.clamp(-1.0, 1.0) + 1.0) * ((LEVELS - 1) / 2.0)
+    return (1.0 - (place[..., None] - torch.arange(LEVELS)).abs()).clamp_min(0.0)
 
 
 def seat_loss(said: torch.Tensor, seat: torch.Tensor, where: torch.Tensor) -> torch.Tensor:

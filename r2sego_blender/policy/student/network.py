@@ -15,6 +15,9 @@ ACTION_SIZE = 4
 FEATURES = 160
 """Numbers that the eye makes of a picture."""
 
+LEVELS = 21
+"""Of each command, from -1 to 1."""
+
 _BODY, _STATE, _HIDDEN = 64, 192, 128
 # Proprioception farther from its mean than this many deviations says no more.
 _MOST_DEVIATIONS = 5.0
@@ -23,14 +26,25 @@ _MOST_DEVIATIONS = 5.0
 class Output(NamedTuple):
     """What the network says of B sequences of T frames.
 
-    ``commands`` (B, T, 3) float32, shares of the limits, unbounded; ``sit`` (B, T), a logit; ``seat`` (B, T,
+    ``levels`` (B, T, 3, LEVELS) float32, logits of each command's level; ``sit`` (B, T), a logit; ``seat`` (B, T,
     SEAT_TARGETS) as ``targets.seat_target``, the last a logit; ``state`` (B, S), to go on from.
     """
 
-    commands: torch.Tensor
+    levels: torch.Tensor
     sit: torch.Tensor
     seat: torch.Tensor
     state: torch.Tensor
+
+    @property
+    def commands(self) -> torch.Tensor:
+        """(B, T, 3) in [-1, 1], shares of the limits: the mean over the likeliest level and its neighbours.
+
+        A mean over all would be between left and right where either is right.
+        """
+        number = torch.arange(LEVELS)
+        near = (number - self.levels.argmax(dim=-1, keepdim=True)).abs() <= 1
+        weights = self.levels.softmax(dim=-1) * near
+        return (weights * (2.0 * number / (LEVELS - 1) - 1.0)).sum(dim=-1) / weights.sum(dim=-1)
 
 
 class Student(nn.Module):
@@ -60,7 +74,7 @@ class Student(nn.Module):
         self.body = nn.Sequential(nn.Linear(proprio_size, _BODY), nn.ReLU())
         self.memory = nn.GRU(FEATURES + where + _BODY, _STATE, batch_first=True)
         known = _STATE + FEATURES + where + _BODY
-        self.action = nn.Sequential(nn.Linear(known, _HIDDEN), nn.ReLU(), nn.Linear(_HIDDEN, ACTION_SIZE))
+        self.action = nn.Sequential(nn.Linear(known, _HIDDEN), nn.ReLU(), nn.Linear(_HIDDEN, 3 * LEVELS + 1))
         self.seat = nn.Linear(known, SEAT_TARGETS)
 
     @property
@@ -85,7 +99,8 @@ class Student(nn.Module):
         remembered, last = self.memory(now, state[None])
         known = torch.cat([remembered, now], dim=2)
         said = self.action(known)
-        return Output(said[..., :3], said[..., 3], self.seat(known), last[0])
+        levels = said[..., : 3 * LEVELS].unflatten(-1, (3, LEVELS))
+        return Output(levels, said[..., -1], self.seat(known), last[0])
 
     def forward(self, rgb: torch.Tensor, proprio: torch.Tensor, state: torch.Tensor) -> Output:
         """What it says of ``rgb`` (B, T, 96, 128, 3) uint8, ``proprio`` (B, T, P) float32 and ``state`` (B, S)."""
@@ -107,4 +122,4 @@ class Acting(nn.Module):
     ) -> tuple[torch.Tensor, torch.Tensor]:
         output = self.student(rgb[:, None], proprio[:, None], state)
         sit = torch.tanh(0.5 * output.sit[:, 0, None])
-        return torch.cat([output.commands[:, 0].clamp(-1.0, 1.0), sit], dim=1), output.state
+        return torch.cat([output.commands[:, 0], sit], dim=1), output.state
