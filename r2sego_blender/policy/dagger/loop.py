@@ -145,6 +145,8 @@ class _Run:
 
     def learn_to_see(self, progress: Progress, log: Any) -> None:
         """Let the eye learn where it is, from the views and the teacher's episodes; it stays so from then on."""
+        if self.place != Place() and self.place.eye_epochs >= self.settings.eye_epochs:
+            return  # what it learns from is not opened again
         views = [self.views[number] for number in range(len(self._view_seeds()))]
         taught = [self.store[number] for number in range(self.count(0))]
         if self.place == Place():
