@@ -205,6 +205,11 @@ def direction_of(text: str) -> tuple[float, ...]:
     return x, y, z
 
 
+def names_of(text: str) -> tuple[str, ...]:
+    """The names of a text that has them between commas."""
+    return tuple(name.strip() for name in text.split(",") if name.strip())
+
+
 def overrides_of(pairs: tuple[str, ...], form: str = "--set key=value") -> dict[str, str]:
     """The settings of ``KEY=VALUE`` texts, or other pairs. Raises SettingsError."""
     overrides = {}

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from .options import ANY_PATH, FOLDER, Commands, Output, output_options, overrides_of
+from .options import ANY_PATH, FOLDER, Commands, Output, names_of, output_options, overrides_of
 
 
 def _task_options(command: Callable) -> Callable:
@@ -39,7 +39,7 @@ def train(scene: Path, folder: Path, overrides: tuple[str, ...], asset: str, cha
     """
     from ..policy.training import Task, settings_of, train_policy
 
-    task = Task(scene, asset, _names(chairs))
+    task = Task(scene, asset, names_of(chairs))
     file = train_policy(task, folder, settings_of(overrides_of(overrides)), output.progress)
     output.show({"student": str(file)}, lambda told: [told["student"]])
 
@@ -67,7 +67,7 @@ def evaluate(
     """How often a policy sits down in SCENE, why it failed, and how much the helping force helped."""
     from ..policy.training import Task, evaluate_policy, lines
 
-    task = Task(scene, asset, _names(chairs), reference)
+    task = Task(scene, asset, names_of(chairs), reference)
     if record is None:
         found = evaluate_policy(task, which, episodes, seed, output.progress)
     else:
@@ -88,10 +88,6 @@ def export(folder: Path, to: Path, output: Output) -> None:
     file = export_training(folder, to)
     told = {"student": str(file), "demonstrations": str(to / DEMONSTRATIONS)}
     output.show(told, lambda said: [f"{name}: {where}" for name, where in said.items()])
-
-
-def _names(text: str) -> tuple[str, ...]:
-    return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
 COMMANDS = (policy,)

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from .experiments import plan_options, run_plan
-from .options import ANY_PATH, FOLDER, Commands, Output, output_options, overrides_of
+from .options import ANY_PATH, FOLDER, Commands, Output, names_of, output_options, overrides_of
 
 PREPARED = {
     "table1": "Refined scenes against the methods of others, on frozen views.",
@@ -33,8 +33,7 @@ def _prepared(name: str, told: str) -> click.Command:
     def command(data: Path, scenes: str, folder: Path, processes: int, dry_run: bool, output: Output) -> None:
         from ..experiments.prepared import prepared_plan
 
-        names = [name.strip() for name in scenes.split(",") if name.strip()]
-        run_plan(prepared_plan(name, data, names), folder, processes, dry_run, output)
+        run_plan(prepared_plan(name, data, names_of(scenes)), folder, processes, dry_run, output)
 
     return command
 

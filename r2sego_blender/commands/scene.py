@@ -14,7 +14,7 @@ from ..bundle.scene import Scene
 from ..config.presets import PRESETS, with_overrides
 from ..core.atomic_files import is_replacing
 from ..workers.cancelling import cancel_at_once
-from .options import ANY_PATH, Output, output_options, overrides_of, scale_of, scale_options, settings_option
+from .options import ANY_PATH, Output, names_of, output_options, overrides_of, scale_of, scale_options, settings_option
 
 
 @click.command()
@@ -94,7 +94,7 @@ def new(
     scale = scale_of(**given, robot=robot, scope=scope, command="new") or Scale.automatic()
     changes = overrides_of(overrides) | ({} if keyframes is None else {"captures.max_keyframes": keyframes})
     settings = with_overrides(changes).captures
-    taken = [name.strip() for name in (frames or "").split(",") if name.strip()]
+    taken = names_of(frames or "")
     made = create_scene(scene, captures, poses, robot, scope, scale, settings, output.progress, taken, first)
     made = made.declare(overrides=changes) if changes else made
     output.tell(scene=str(made.path), ground=made.declaration.ground, scale=made.declaration.scale_source)
