@@ -72,8 +72,8 @@ def labelled_views(environment: Environment, teacher: Teacher, seeds: Sequence[i
 
 
 def _episode(steps: Sequence[tuple[np.ndarray, ...]], outcome: Outcome) -> Episode:
-    pictures, proprio, actions, seat, poses = (np.stack(column) for column in zip(*steps, strict=True))
-    return Episode(pictures, proprio, actions, seat, poses, outcome)
+    pictures, proprio, actions, seat, base_poses = (np.stack(column) for column in zip(*steps, strict=True))
+    return Episode(pictures, proprio, actions, seat, base_poses, outcome)
 
 
 def _recorded(observation: Observation, label: np.ndarray, state: PrivilegedState) -> tuple[np.ndarray, ...]:

@@ -29,14 +29,14 @@ class Episode:
     """T steps of an episode, each with what the teacher would have done.
 
     ``pictures`` (T, 96, 128, 3) uint8; ``proprio`` (T, P), ``actions`` (T, 4) of the teacher, ``seat``
-    (T, SEAT_TARGETS), nan for none, and ``poses`` (T, POSE_SIZE) of the base: float32.
+    (T, SEAT_TARGETS), nan for none, and ``base_poses`` (T, POSE_SIZE): float32.
     """
 
     pictures: np.ndarray
     proprio: np.ndarray
     actions: np.ndarray
     seat: np.ndarray
-    poses: np.ndarray
+    base_poses: np.ndarray
     outcome: Outcome
 
     def __len__(self) -> int:
@@ -72,7 +72,7 @@ class EpisodeStore:
             proprio=episode.proprio,
             actions=episode.actions,
             seat=episode.seat,
-            poses=episode.poses,
+            base_poses=episode.base_poses,
             seed=np.array([outcome.seed]),
             mean_assist_n=np.array([outcome.mean_assist_n]),
             failure=np.array(outcome.failure),
@@ -84,17 +84,18 @@ class EpisodeStore:
         """The episode ``number``, its pictures mapped. Raises MachineError where its files are damaged."""
         place = self._place(number)
         with opened_arrays(place / _REST, MachineError, _DAMAGED, _CURE) as arrays:
-            rest = {name: arrays[name] for name in ("proprio", "actions", "seat", "poses", "seed", "mean_assist_n")}
-            steps = {"proprio": "T P", "actions": "T 4", "seat": f"T {SEAT_TARGETS}", "poses": f"T {POSE_SIZE}"}
-            require_shapes(rest, **steps, seed="1", mean_assist_n="1")
+            steps = {"proprio": "T P", "actions": "T 4", "seat": f"T {SEAT_TARGETS}", "base_poses": f"T {POSE_SIZE}"}
+            shapes = {**steps, "seed": "1", "mean_assist_n": "1"}
+            rest = {name: arrays[name] for name in shapes}
+            require_shapes(rest, **shapes)
             known = np.where(np.isnan(rest["seat"]), 0.0, rest["seat"])
-            require_finite(proprio=rest["proprio"], actions=rest["actions"], seat=known, poses=rest["poses"])
+            require_finite(proprio=rest["proprio"], actions=rest["actions"], seat=known, base_poses=rest["base_poses"])
             require_finite(mean_assist_n=rest["mean_assist_n"])
             require_indices(1 << 63, seed=rest["seed"])
             failure, assist_n = str(arrays["failure"]), float(rest["mean_assist_n"][0])
             outcome = Outcome(int(rest["seed"][0]), failure, len(known), assist_n)
         pictures = _mapped(place / _PICTURES, (len(rest["actions"]), *PICTURE_SHAPE))
-        return Episode(pictures, rest["proprio"], rest["actions"], rest["seat"], rest["poses"], outcome)
+        return Episode(pictures, rest["proprio"], rest["actions"], rest["seat"], rest["base_poses"], outcome)
 
     def _place(self, number: int) -> Path:
         return self._folder / f"{number:06d}"

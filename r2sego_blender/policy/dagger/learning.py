@@ -45,7 +45,7 @@ def scale(student: Student, episodes: Sequence[Episode], views: Sequence[Episode
     proprio = np.concatenate([episode.proprio for episode in episodes]).astype(np.float64)
     student.proprio_mean.copy_(torch.from_numpy(proprio.mean(axis=0)))
     student.proprio_deviation.copy_(torch.from_numpy(np.maximum(proprio.std(axis=0), 1e-2)))
-    places = np.concatenate([view.poses[:, :2] for view in views]).astype(np.float64)
+    places = np.concatenate([view.base_poses[:, :2] for view in views]).astype(np.float64)
     student.place_mean.copy_(torch.from_numpy(places.mean(axis=0)))
 
 

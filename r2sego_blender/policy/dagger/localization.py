@@ -33,13 +33,13 @@ def localize(
         warm = min(1.0, (1 + update + epoch * updates) / _WARM_UP_UPDATES)
         for group in optimizer.param_groups:
             group["lr"] = settings.learning_rate * warm * (1.0 - done)
-        pictures, poses, seat = (
+        pictures, base_poses, seat = (
             torch.from_numpy(np.stack([getattr(episodes[number], part)[step] for number, step in batch]))
-            for part in ("pictures", "poses", "seat")
+            for part in ("pictures", "base_poses", "seat")
         )
         said = student.localizer(student.see(pictures))
-        place = (poses[:, :2] - student.place_mean) / PLACE_M
-        heading = torch.stack([poses[:, 2].cos(), poses[:, 2].sin()], dim=1)
+        place = (base_poses[:, :2] - student.place_mean) / PLACE_M
+        heading = torch.stack([base_poses[:, 2].cos(), base_poses[:, 2].sin()], dim=1)
         pose = functional.smooth_l1_loss(said[:, :4], torch.cat([place, heading], dim=1), beta=SMALL)
         # What is out of view is known of the room's own seats alone, by where one stands.
         loss = pose + settings.seat_weight * seat_loss(said[:, 4:], seat, seat[:, 5] > 0.5)

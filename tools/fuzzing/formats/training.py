@@ -19,9 +19,9 @@ def _episode(folder: Path) -> None:
 
     sizes = _PROPRIO, 4, SEAT_TARGETS, POSE_SIZE
     parts = (np.linspace(-1.0, 1.0, _STEPS * size).reshape(_STEPS, size) for size in sizes)
-    proprio, actions, seat, poses = (part.astype(np.float32) for part in parts)
+    proprio, actions, seat, base_poses = (part.astype(np.float32) for part in parts)
     pictures = np.full((_STEPS, *PICTURE_SHAPE), 90, np.uint8)
-    EpisodeStore(folder).add(0, Episode(pictures, proprio, actions, seat, poses, Outcome(7, "fall", _STEPS, 12.0)))
+    EpisodeStore(folder).add(0, Episode(pictures, proprio, actions, seat, base_poses, Outcome(7, "fall", _STEPS, 12.0)))
 
 
 def _read_episode(folder: Path) -> Any:
