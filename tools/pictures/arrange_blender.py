@@ -69,11 +69,22 @@ def wipe():
         bpy.ops.r2sego.dismiss_job()
 
 
+def policy():
+    """Where the episodes of a policy began, by how they ended, and one of them on the timeline."""
+    bpy.ops.r2sego.show_proxy()
+    bpy.ops.r2sego.show_policy_starts()
+    bpy.ops.r2sego.show_policy_episode(episode=0)
+    scene = bpy.context.scene
+    scene.frame_set(round(scene.frame_start + ROLLOUT_SHARE * (scene.frame_end - scene.frame_start)))
+    yield SETTLED_S
+
+
 PICTURES = {
     "proxy": (proxy, {"proxy", "views", "views_candidate"}),
     "support_gap": (support_gap, {"proxy", "robot"}),
     "splats": (splats, {"scene", "asset", "asset_preview"}),
     "wipe": (wipe, {"asset", "asset_render"}),
+    "policy": (policy, {"robot", "policy"}),
 }
 """What each picture shows, and which sub-panels are open in it."""
 
