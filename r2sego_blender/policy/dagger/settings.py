@@ -20,7 +20,7 @@ class DaggerSettings:
     later_eye_epochs: int = setting(
         1, "Passes of the eye after each later iteration, over all episodes and a quarter of the views.", 0, 1000
     )
-    iterations: int = setting(5, "Times that the student acts and learns again, after the teacher's episodes.", 0, 1000)
+    iterations: int = setting(7, "Times that the student acts and learns again, after the teacher's episodes.", 0, 1000)
     episodes: int = setting(32, "Episodes of each iteration.", 1, 100_000)
     teacher_share: float = setting(
         0.5, "Beta of the first iteration: the share of its steps that the teacher drives; it falls to 0.", 0.0, 1.0
@@ -28,7 +28,7 @@ class DaggerSettings:
     mixed_iterations: int = setting(2, "Iterations in which the teacher drives at all.", 0, 1000)
     turns_steps: int = setting(10, "Teacher and student drive for so many steps at a time.", 1, 10_000)
     epochs: int = setting(
-        30, "Passes over all episodes after each iteration, while the learning rate falls to 0.", 1, 10_000
+        24, "Passes over all episodes after each iteration, while the learning rate falls to 0.", 1, 10_000
     )
     pictures: int = setting(32, "Pictures of a batch that the eye learns from.", 1, 4096)
     sequences: int = setting(16, "Episodes that a batch walks through side by side.", 1, 1024)
