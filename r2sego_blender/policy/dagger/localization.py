@@ -9,9 +9,9 @@ import numpy as np
 import torch
 from torch.nn import functional
 
-from ..student.network import Student
+from ..student.network import PLACE_M, Student
 from .episodes import Episode
-from .losses import PLACE_M, SMALL, seat_loss
+from .losses import SMALL, seat_loss
 from .settings import DaggerSettings
 
 _WARM_UP_UPDATES = 100

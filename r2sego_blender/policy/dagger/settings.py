@@ -20,7 +20,7 @@ class DaggerSettings:
     later_eye_epochs: int = setting(
         1, "Passes of the eye after each later iteration, over all episodes and a quarter of the views.", 0, 1000
     )
-    iterations: int = setting(7, "Times that the student acts and learns again, after the teacher's episodes.", 0, 1000)
+    iterations: int = setting(5, "Times that the student acts and learns again, after the teacher's episodes.", 0, 1000)
     episodes: int = setting(32, "Episodes of each iteration.", 1, 100_000)
     teacher_share: float = setting(
         0.5, "Beta of the first iteration: the share of its steps that the teacher drives; it falls to 0.", 0.0, 1.0
