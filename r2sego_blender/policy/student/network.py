@@ -104,7 +104,7 @@ class Student(nn.Module):
         scaled = (proprio - self.proprio_mean) / self.proprio_deviation
         felt = self.body(scaled.clamp(-_MOST_DEVIATIONS, _MOST_DEVIATIONS))
         where = self.localizer(seen).detach()
-        now = torch.cat([seen, where, _finely(where[..., :4]), felt], dim=2)
+        now = torch.cat([seen, where, fourier_features(where[..., :4]), felt], dim=2)
         remembered, last = self.memory(now, state[None])
         known = torch.cat([remembered, now], dim=2)
         said = self.action(known)
@@ -116,7 +116,7 @@ class Student(nn.Module):
         return self.follow(self.see(rgb.flatten(0, 1)).unflatten(0, rgb.shape[:2]), proprio, state)
 
 
-def _finely(pose: torch.Tensor) -> torch.Tensor:
+def fourier_features(pose: torch.Tensor) -> torch.Tensor:
     """Fourier features (..., 4 * _OCTAVES + 2 * _TURNS) of ``pose`` (..., 4), what the localizer says first."""
     waves = torch.cat([pose[..., :2] * (math.tau * PLACE_M / _LONGEST_WAVE_M * 2**n) for n in range(_OCTAVES)], dim=-1)
     length = (pose[..., 2:] ** 2).sum(dim=-1, keepdim=True).clamp_min(1e-6).sqrt()
