@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import jinja2
 import numpy as np
 
 from ..bundle.layout import REPORT_PAGE
 from ..core.atomic_files import UNFINISHED, rename, write_whole
+from ..core.errors import EvaluationError
+from ..core.json_files import opened_json
 from ..geometry.proxy.proxy import PROVENANCE_COLOURS
 from .charts import candidate_chart, round_chart
-from .figures import save_figure
-from .report_data import Picture, ReportData
+from .figures import save_figure, save_mask
+from .report_data import FrozenView, Picture, Rendering, ReportData
+
+FIGURES, FROZEN_INDEX = "figures", "frozen.json"
+"""In the report's folder: its pictures, and which of them is which frozen view's."""
 
 _TEMPLATES = Path(__file__).with_name("templates")
 
@@ -25,21 +34,12 @@ def write_report(folder: Path, report: ReportData) -> Path:
     The page names its pictures by relative paths, so the folder can be moved or zipped.
     Figures of an earlier report that this one does not show are removed.
     """
-    figures = folder / "figures"
+    figures = folder / FIGURES
     folder.mkdir(exist_ok=True)
     figures.mkdir(exist_ok=True)
     writer = _FigureWriter(figures)
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(_TEMPLATES),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters.update(decimals=_decimals, seconds=_duration, percent=_percent)
-    environment.globals.update(
-        figure=writer.add, chart=candidate_chart, round_chart=round_chart, css_colour=_css_colour
-    )
+    environment = page_environment(writer.add, writer.add_mask)
+    environment.globals.update(chart=candidate_chart, round_chart=round_chart)
     labels = {arm.key: arm.label for arm in report.arms}
     html = environment.get_template("report.html.j2").render(
         report=report,
@@ -50,8 +50,57 @@ def write_report(folder: Path, report: ReportData) -> Path:
     )
     page = folder / REPORT_PAGE
     write_whole(page, html)
+    write_whole(folder / FROZEN_INDEX, json.dumps(writer.index(report.frozen), indent=1) + "\n")
     writer.remove_others()
     return page
+
+
+def page_environment(
+    figure: Callable[..., str], mask: Callable[..., str], more_templates: Path | None = None
+) -> jinja2.Environment:
+    """The environment of pages made of the shared parts: ``figure`` and ``mask`` are given a picture and words that
+    name it, and give what ``src`` is to be."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader([*filter(None, [more_templates]), _TEMPLATES]),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(decimals=_decimals, seconds=_duration, percent=_percent, of_regions=_of_regions)
+    environment.globals.update(figure=figure, mask=mask, css_colour=_css_colour)
+    return environment
+
+
+@dataclass(frozen=True)
+class FrozenPictures:
+    """The files of a frozen view: the photograph, each arm's picture, and what no capture saw; None for one that is
+    not there."""
+
+    truth: Path | None
+    arms: Mapping[str, Path | None]
+    unseen: Path | None
+
+
+def read_frozen_pictures(folder: Path) -> dict[str, FrozenPictures]:
+    """The pictures of each frozen view by its name, as the last report left them in its ``folder``.
+
+    Raises EvaluationError where there is no list of them, or a damaged one.
+    """
+
+    def place(name: Any) -> Path | None:
+        if not isinstance(name, str) or Path(name).name != name:
+            raise ValueError("a picture lies elsewhere")
+        return folder / FIGURES / name if name else None
+
+    file = folder / FROZEN_INDEX
+    with opened_json(file, EvaluationError, "this is no list of pictures", "Run `r2sego evaluate` again.") as data:
+        return {
+            str(name): FrozenPictures(
+                place(one["truth"]), {str(arm): place(made) for arm, made in one["arms"].items()}, place(one["unseen"])
+            )
+            for name, one in data.items()
+        }
 
 
 class _FigureWriter:
@@ -70,26 +119,47 @@ class _FigureWriter:
         """
         if picture is None:
             return ""
+        return self._saved(picture, save_figure, ".jpg", words)
+
+    def add_mask(self, mask: Picture, *words: object) -> str:
+        """The same of a mask (H, W) bool."""
+        return "" if mask is None else self._saved(mask, save_mask, ".png", words)
+
+    def index(self, frozen: Sequence[FrozenView]) -> dict[str, Any]:
+        """The files of the frozen views that the page shows (``read_frozen_pictures``)."""
+        names = {id(picture): name for name, picture in self._written.items()}
+        return {
+            view.name: {
+                "truth": names.get(id(view.truth), ""),
+                "arms": {one.arm: names.get(id(one.picture), "") for one in view.renderings},
+                "unseen": names.get(id(view.unseen), ""),
+            }
+            for view in frozen
+        }
+
+    def _saved(
+        self, picture: Picture, save: Callable[[Path, Any], None], suffix: str, words: tuple[object, ...]
+    ) -> str:
         stem = re.sub(r"[^a-z0-9]+", "-", " ".join(map(str, words)).lower()).strip("-") or "figure"
-        name, copies = f"{stem}.jpg", 1
+        name, copies = f"{stem}{suffix}", 1
         while name in self._written:
             if self._written[name] is picture:
-                return f"figures/{name}"
+                return f"{FIGURES}/{name}"
             copies += 1
-            name = f"{stem}-{copies}.jpg"
+            name = f"{stem}-{copies}{suffix}"
         try:
             made = self._folder / f"{UNFINISHED}{name}"
-            save_figure(made, picture)
+            save(made, picture)
             rename(made, self._folder / name)
         except OSError:
             return ""
         self._written[name] = picture
-        return f"figures/{name}"
+        return f"{FIGURES}/{name}"
 
     def remove_others(self) -> None:
         """Remove figures of earlier reports."""
-        for path in self._folder.glob("*.jpg"):
-            if path.name not in self._written:
+        for path in self._folder.iterdir():
+            if path.suffix in (".jpg", ".png") and path.name not in self._written:
                 path.unlink()
 
 
@@ -123,6 +193,13 @@ def _duration(value_s: float) -> str:
         return f"{minutes} min {seconds:02d} s"
     hours, minutes = divmod(minutes, 60)
     return f"{hours} h {minutes:02d} min"
+
+
+def _of_regions(rendering: Rendering) -> str:
+    """What a picture's caption says of the pixels that captures saw and of the others; "" where that is not known."""
+    regions = (("seen", rendering.psnr_seen), ("unseen", rendering.psnr_unseen))
+    told = [f"{name} {_decimals(psnr)}" for name, psnr in regions if psnr is not None]
+    return f"; {', '.join(told)}" if told else ""
 
 
 def _css_colour(rgb: tuple[float, float, float]) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from ..core.formatting import counted
 from .capture_curve import catching_up, curve_figure, curves_of
 from .cells import Cell
 from .plan import Plan
-from .records import Record
+from .records import Record, score_of
 from .score_table import KINDS, Measured, latex, markdown, rows_of, worth_of_views
 
 METRICS, MARKDOWN, LATEX, FIGURES = "metrics.json", "tables.md", "tables.tex", "figures"
@@ -46,15 +45,9 @@ def gather(plan: Plan, cells: Sequence[Cell], records: Mapping[Path, Record], fo
 
 def _measured(cell: Cell, record: Record) -> Iterator[Measured]:
     for arm, scored in record.arms.items():
-        scores = {kind: scored[kind] for kind in KINDS if scored[kind] is not None}
-        scores["psnr"] = _psnr(scored)
-        views = {view["name"]: _psnr(view) for view in scored["views"]}
+        scores = {kind: value for kind in KINDS if (value := score_of(scored, kind)) is not None}
+        views = {view["name"]: value for view in scored["views"] if (value := score_of(view, "psnr")) is not None}
         yield Measured(cell.preset.name, cell.scene.name, cell.captures, cell.seed, arm, scores, views)
-
-
-def _psnr(scored: Mapping[str, Any]) -> float:
-    found = scored["psnr"]
-    return math.inf if found is None else float(found)
 
 
 def _entries(cell: Cell, record: Record) -> Iterator[dict[str, Any]]:

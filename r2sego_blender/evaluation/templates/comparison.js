@@ -1,11 +1,11 @@
-// The wipe viewer is built from the pictures below it; without scripts those still show everything.
-(() => {
-  const viewer = document.querySelector(".viewer");
-  const views = [...document.querySelectorAll(".view")];
+// A wipe viewer of each comparison, built from the pictures below it; without scripts those still show everything.
+document.querySelectorAll(".comparison").forEach((place) => {
+  const viewer = place.querySelector(".viewer");
+  const views = [...place.querySelectorAll(".view")];
   if (!viewer || !views.length) return;
   const find = (selector) => viewer.querySelector(selector);
-  const [left, right] = [find("select.left"), find("select.right")];
-  const wipe = find(".wipe");
+  const [left, right, unseen] = [find("select.left"), find("select.right"), find("input.unseen")];
+  const [wipe, slider, mask] = [find(".wipe"), find("input[type=range]"), find(".mask")];
   let current = 0;
 
   const picture = (arm) => [...views[current].querySelectorAll("img")].find((img) => img.dataset.arm === arm);
@@ -16,22 +16,32 @@
       find(image).alt = source ? source.alt : "";
       find(tag).textContent = select.selectedOptions[0].textContent;
     }
+    const drawn = views[current].dataset.unseen;
+    mask.hidden = !(unseen && unseen.checked && drawn);
+    if (!mask.hidden) {
+      mask.src = drawn;
+      mask.alt = "What no capture saw";
+    }
     find(".current").textContent = `${views[current].dataset.name} (${current + 1} of ${views.length})`;
   };
   const go = (index) => { current = (index + views.length) % views.length; show(); };
+  const cut = () => {
+    wipe.style.setProperty("--cut", `${slider.value}%`);
+    slider.setAttribute("aria-valuetext", `${left.selectedOptions[0].textContent} ${slider.value} percent`);
+  };
 
-  left.addEventListener("change", show);
-  right.addEventListener("change", show);
+  for (const choice of [left, right, unseen].filter(Boolean)) choice.addEventListener("change", () => { show(); cut(); });
   find(".previous").addEventListener("click", () => go(current - 1));
   find(".next").addEventListener("click", () => go(current + 1));
-  find("input").addEventListener("input", (event) => wipe.style.setProperty("--cut", `${event.target.value}%`));
+  slider.addEventListener("input", cut);
   views.forEach((view, index) => {
     const button = view.querySelector("button");
     button.hidden = false;
-    button.addEventListener("click", () => { go(index); viewer.scrollIntoView({ block: "start" }); });
+    button.addEventListener("click", () => { go(index); viewer.scrollIntoView({ block: "start" }); slider.focus({ preventScroll: true }); });
   });
   viewer.hidden = false;
   show();
-})();
+  cut();
+});
 // Folded sections are printed open.
 addEventListener("beforeprint", () => document.querySelectorAll("details").forEach((part) => { part.open = true; }));
