@@ -9,8 +9,10 @@ from typing import Any
 
 from ..core.atomic_files import write_whole
 from ..core.formatting import counted
+from ..evaluation.surfaces.figures import SEEN_BY
 from .capture_curve import catching_up, curve_figure, curves_of
 from .cells import Cell
+from .page import write_page
 from .plan import Plan
 from .records import Record, score_of
 from .score_table import KINDS, Measured, latex, markdown, rows_of, worth_of_views
@@ -31,6 +33,7 @@ def gather(plan: Plan, cells: Sequence[Cell], records: Mapping[Path, Record], fo
     notes = [
         *worth_of_views(rows),
         *filter(None, map(catching_up, curves.values())),
+        *_unseen(done),
         *_frozen(plan, cells),
         *_made_by(done),
     ]
@@ -41,6 +44,7 @@ def gather(plan: Plan, cells: Sequence[Cell], records: Mapping[Path, Record], fo
     (folder / FIGURES).mkdir(exist_ok=True)
     for (preset, scene), own in curves.items():
         write_whole(folder / FIGURES / f"captures-{preset}-{scene.replace(' ', '_')}.svg", curve_figure(own))
+    write_page(folder, done, len(cells), rows, [*curves.values()], notes)
 
 
 def _measured(cell: Cell, record: Record) -> Iterator[Measured]:
@@ -70,6 +74,21 @@ def _entries(cell: Cell, record: Record) -> Iterator[dict[str, Any]]:
     }
     for arm, scored in sorted(record.arms.items()):
         yield {**common, "arm": arm, **scored}
+
+
+def _unseen(done: Sequence[tuple[Cell, Record]]) -> Iterator[str]:
+    """The share of the frozen views' pixels that no capture saw, by counts, and by what that was told."""
+    found: dict[tuple[str, str, str], dict[int, list[float]]] = {}
+    for cell, record in done:
+        for arm in list(record.arms.values())[:1]:  # the same for all
+            if (share := arm.get("unseen")) is not None:
+                place = found.setdefault((cell.scene.name, cell.preset.name, arm.get(SEEN_BY, "")), {})
+                place.setdefault(cell.captures, []).append(share)
+    for (scene, preset, told_by), counts in found.items():
+        shares = ", ".join(
+            f"{sum(own) / len(own):.1%} with {counted(count, 'capture')}" for count, own in sorted(counts.items())
+        )
+        yield f"{scene}, {preset}: no capture saw {shares} of the frozen views' pixels, told by {told_by}."
 
 
 def _frozen(plan: Plan, cells: Sequence[Cell]) -> Iterator[str]:

@@ -283,10 +283,11 @@ def _table(preset: str, shows: str, columns: Mapping[str, Column], rows: Sequenc
 
 
 def _of_kind(kind: str, digits: int) -> Column:
-    return lambda row: _spread(row.spreads.get(kind), digits)
+    return lambda row: spread_told(row.spreads.get(kind), digits)
 
 
-def _spread(spread: Spread | None, digits: int) -> str:
+def spread_told(spread: Spread | None, digits: int) -> str:
+    """A mean and its deviation in words."""
     if spread is None:
         return "-"
     mean = f"{spread.mean:.{digits}f}" if math.isfinite(spread.mean) else "equal images"

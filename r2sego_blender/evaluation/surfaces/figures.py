@@ -35,10 +35,11 @@ def region_psnr(figures: Mapping[str, Any], kind: str) -> float | None:
 
 def unseen_told(arm: Mapping[str, Any]) -> str:
     """What share of the pixels no capture saw, and by what that was told; "" where it was not."""
-    if SEEN_BY not in arm:
+    told_by, share = arm.get(SEEN_BY), arm.get("unseen")
+    if told_by is None or share is None:
         return ""
-    about = ", so it is approximate" if arm[SEEN_BY] == PROXY_ALONE else ""
-    return f"{arm['unseen']:.0%} of the pixels were seen by no capture, told by {arm[SEEN_BY]}{about}"
+    about = ", so it is approximate" if told_by == PROXY_ALONE else ""
+    return f"{share:.0%} of the pixels were seen by no capture, told by {told_by}{about}"
 
 
 def geometry_lines(arm: Mapping[str, Any]) -> list[str]:

@@ -68,16 +68,21 @@ class RegionScore:
 
 def region_score(image: np.ndarray, truth: np.ndarray, seen: np.ndarray) -> RegionScore:
     """Of one view; ``image`` and ``truth`` (H, W, 3) in [0, 1], ``seen`` (H, W) bool."""
-    return RegionScore(*(_psnr(image, truth, region) for region in (seen, ~seen)), float(np.mean(~seen)))
+    return RegionScore(_psnr(image, truth, seen), _psnr(image, truth, ~seen), float(np.mean(~seen)))
 
 
 def mean_score(views: Sequence[RegionScore]) -> RegionScore:
     """Over views of one size."""
-    of_seen, of_unseen = (
-        [psnr for view in views if (psnr := getattr(view, kind)) is not None] for kind in ("psnr_seen", "psnr_unseen")
+    return RegionScore(
+        _mean([view.psnr_seen for view in views]),
+        _mean([view.psnr_unseen for view in views]),
+        float(np.mean([view.unseen for view in views])),
     )
-    means = (float(np.mean(psnrs)) if psnrs else None for psnrs in (of_seen, of_unseen))
-    return RegionScore(*means, float(np.mean([view.unseen for view in views])))
+
+
+def _mean(psnrs: Sequence[float | None]) -> float | None:
+    known = [psnr for psnr in psnrs if psnr is not None]
+    return float(np.mean(known)) if known else None
 
 
 def _psnr(image: np.ndarray, truth: np.ndarray, region: np.ndarray) -> float | None:

@@ -10,11 +10,14 @@ document.querySelectorAll(".comparison").forEach((place) => {
 
   const picture = (arm) => [...views[current].querySelectorAll("img")].find((img) => img.dataset.arm === arm);
   const show = () => {
-    for (const [select, image, tag] of [[left, ".over", ".tag.left"], [right, ".under", ".tag.right"]]) {
+    for (const [select, image, tag, told] of [
+      [left, ".over", ".tag.left", ".told .left"], [right, ".under", ".tag.right", ".told .right"],
+    ]) {
       const source = picture(select.value);
       find(image).src = source ? source.src : "";
       find(image).alt = source ? source.alt : "";
       find(tag).textContent = select.selectedOptions[0].textContent;
+      find(told).textContent = source ? source.closest("figure").querySelector("figcaption").textContent : "no picture";
     }
     const drawn = views[current].dataset.unseen;
     mask.hidden = !(unseen && unseen.checked && drawn);
