@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +13,11 @@ import numpy as np
 
 from ..bundle.layout import REPORT_PAGE
 from ..core.atomic_files import UNFINISHED, rename, write_whole
-from ..core.errors import EvaluationError
-from ..core.json_files import opened_json
 from ..geometry.proxy.proxy import PROVENANCE_COLOURS
 from .charts import candidate_chart, round_chart
 from .figures import save_figure, save_mask
-from .report_data import FrozenView, Picture, Rendering, ReportData
-
-FIGURES, FROZEN_INDEX = "figures", "frozen.json"
-"""In the report's folder: its pictures, and which of them is which frozen view's."""
+from .frozen_pictures import FIGURES, write_frozen_pictures
+from .report_data import Picture, Rendering, ReportData
 
 _TEMPLATES = Path(__file__).with_name("templates")
 
@@ -50,7 +44,7 @@ def write_report(folder: Path, report: ReportData) -> Path:
     )
     page = folder / REPORT_PAGE
     write_whole(page, html)
-    write_whole(folder / FROZEN_INDEX, json.dumps(writer.index(report.frozen), indent=1) + "\n")
+    write_frozen_pictures(folder, report.frozen, writer.name)
     writer.remove_others()
     return page
 
@@ -70,37 +64,6 @@ def page_environment(
     environment.filters.update(decimals=_decimals, seconds=_duration, percent=_percent, of_regions=_of_regions)
     environment.globals.update(figure=figure, mask=mask, css_colour=_css_colour)
     return environment
-
-
-@dataclass(frozen=True)
-class FrozenPictures:
-    """The files of a frozen view: the photograph, each arm's picture, and what no capture saw; None for one that is
-    not there."""
-
-    truth: Path | None
-    arms: Mapping[str, Path | None]
-    unseen: Path | None
-
-
-def read_frozen_pictures(folder: Path) -> dict[str, FrozenPictures]:
-    """The pictures of each frozen view by its name, as the last report left them in its ``folder``.
-
-    Raises EvaluationError where there is no list of them, or a damaged one.
-    """
-
-    def place(name: Any) -> Path | None:
-        if not isinstance(name, str) or Path(name).name != name:
-            raise ValueError("a picture lies elsewhere")
-        return folder / FIGURES / name if name else None
-
-    file = folder / FROZEN_INDEX
-    with opened_json(file, EvaluationError, "this is no list of pictures", "Run `r2sego evaluate` again.") as data:
-        return {
-            str(name): FrozenPictures(
-                place(one["truth"]), {str(arm): place(made) for arm, made in one["arms"].items()}, place(one["unseen"])
-            )
-            for name, one in data.items()
-        }
 
 
 class _FigureWriter:
@@ -125,17 +88,9 @@ class _FigureWriter:
         """The same of a mask (H, W) bool."""
         return "" if mask is None else self._saved(mask, save_mask, ".png", words)
 
-    def index(self, frozen: Sequence[FrozenView]) -> dict[str, Any]:
-        """The files of the frozen views that the page shows (``read_frozen_pictures``)."""
-        names = {id(picture): name for name, picture in self._written.items()}
-        return {
-            view.name: {
-                "truth": names.get(id(view.truth), ""),
-                "arms": {one.arm: names.get(id(one.picture), "") for one in view.renderings},
-                "unseen": names.get(id(view.unseen), ""),
-            }
-            for view in frozen
-        }
+    def name(self, picture: Picture) -> str:
+        """The name of a picture's file, "" of one that has none."""
+        return next((name for name, one in self._written.items() if one is picture), "")
 
     def _saved(
         self, picture: Picture, save: Callable[[Path, Any], None], suffix: str, words: tuple[object, ...]

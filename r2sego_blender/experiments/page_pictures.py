@@ -21,7 +21,7 @@ from ..core.errors import EvaluationError, R2SEgoError
 from ..core.images import load_image_uint8
 from ..evaluation.arms import ARMS
 from ..evaluation.cause_figures import split_in
-from ..evaluation.report import read_frozen_pictures
+from ..evaluation.frozen_pictures import FROZEN_PICTURES
 from ..evaluation.report_data import ErrorSplit, FrozenView, Rendering
 from .cells import Cell
 from .records import Record, score_of
@@ -99,7 +99,7 @@ def _shown(cell: Cell, record: Record) -> ShownCell:
         metrics = bundle.read(METRICS)
         if metrics.get("assets", {}) != record.assets:
             raise EvaluationError("it was changed since", where=cell.bundle, cure="Remove the cell's record.")
-        pictures = read_frozen_pictures(bundle.report_folder)
+        pictures = bundle.read(FROZEN_PICTURES)
     except R2SEgoError as error:
         return ShownCell(cell, record, arms, problem=f"There are no pictures of its bundle: {error.what}.")
     scored = {arm: {view["name"]: view for view in record.arms[arm]["views"]} for arm in arms}

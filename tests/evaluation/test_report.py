@@ -11,7 +11,8 @@ from html_page import Page
 from PIL import Image
 
 from r2sego_blender.core.errors import EvaluationError
-from r2sego_blender.evaluation.report import read_frozen_pictures, write_report
+from r2sego_blender.evaluation.frozen_pictures import read_frozen_pictures
+from r2sego_blender.evaluation.report import write_report
 from r2sego_blender.evaluation.report_data import (
     Arm,
     Backend,
@@ -168,7 +169,7 @@ def test_what_no_capture_saw_lies_over_the_pictures_and_files_are_found_again(tm
     frozen = (replace(first, name="a b", renderings=renderings, unseen=mask), replace(second, name="a-b"))
     text = write_report(tmp_path, replace(report, frozen=frozen, error_split=None)).read_text(encoding="utf-8")
     assert "; seen 27.50, unseen 13.25" in text and "What no capture saw" in text
-    pictures = read_frozen_pictures(tmp_path)
+    pictures = read_frozen_pictures(tmp_path / "frozen.json")
     with Image.open(pictures["a b"].unseen) as drawn:
         opacity = np.asarray(drawn.convert("RGBA"))[..., 3]
     np.testing.assert_array_equal(opacity > 0, mask)
@@ -176,14 +177,14 @@ def test_what_no_capture_saw_lies_over_the_pictures_and_files_are_found_again(tm
     assert pictures["a-b"].unseen is None and f'data-unseen="figures/{pictures["a b"].unseen.name}"' in text
     assert len({place for view in pictures.values() for place in (view.truth, *view.arms.values())}) >= 4
     write_report(tmp_path, replace(report, frozen=()))
-    assert not read_frozen_pictures(tmp_path) and not list((tmp_path / "figures").glob("*.png"))
+    assert not read_frozen_pictures(tmp_path / "frozen.json") and not list((tmp_path / "figures").glob("*.png"))
 
 
 @pytest.mark.parametrize("listed", ["[1]", '{"a": {"truth": "../x.jpg", "arms": {}, "unseen": ""}}', '{"a": {}}', ""])
 def test_a_list_of_pictures_that_lie_elsewhere_is_refused(tmp_path, listed):
     (tmp_path / "frozen.json").write_text(listed)
     with pytest.raises(EvaluationError, match=r"frozen\.json"):
-        read_frozen_pictures(tmp_path)
+        read_frozen_pictures(tmp_path / "frozen.json")
 
 
 def test_nothing_comes_from_a_network_and_links_lead_somewhere(tmp_path, report):

@@ -82,9 +82,9 @@ def _pictures(folder: Path) -> None:
 
 
 def _read_pictures(folder: Path) -> Any:
-    from r2sego_blender.evaluation.report import read_frozen_pictures
+    from r2sego_blender.evaluation.frozen_pictures import read_frozen_pictures
 
-    return read_frozen_pictures(folder)
+    return read_frozen_pictures(folder / "frozen.json")
 
 
 HARNESSES = (
