@@ -43,9 +43,9 @@ def unseen_told(arm: Mapping[str, Any]) -> str:
 
 
 def geometry_lines(arm: Mapping[str, Any]) -> list[str]:
-    """An arm's figures of geometry as lines for a person; those that were not measured are left out."""
+    """The refined arm's figures of geometry as lines for a person; those that were not measured are left out."""
     lines = []
-    for kind, label in (("depth", "its depth"), ("proxy_depth", "the proxy's depth")):
+    for kind, label in (("depth", "the refined asset's depth"), ("proxy_depth", "the proxy's depth")):
         if f"{kind}_error" in arm:
             error, right = arm[f"{kind}_error"], arm[f"{kind}_right"]
             lines.append(f"{label}: median error {error:.1%}, {right:.0%} of the pixels within {RIGHT_DEPTH:.0%}")
