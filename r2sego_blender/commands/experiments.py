@@ -45,9 +45,7 @@ def plan_options(command: Callable) -> Callable:
 @click.command()
 @click.argument("plan", type=ANY_PATH)
 @plan_options
-def experiment(
-    plan: Path, folder: Path, processes: int, cluster: str | None, dry_run: bool, output: Output
-) -> None:
+def experiment(plan: Path, folder: Path, processes: int, cluster: str | None, dry_run: bool, output: Output) -> None:
     """Run every cell of the file PLAN that is not done yet, and write metrics.json, tables and figures.
 
     A cell is a scene with a count of captures, a preset and a seed: a bundle that is refined and evaluated. Started
@@ -58,9 +56,7 @@ def experiment(
     run_plan(Plan.load(plan), folder, processes, cluster, dry_run, output)
 
 
-def run_plan(
-    plan: Plan, folder: Path, processes: int, cluster: str | None, dry_run: bool, output: Output
-) -> None:
+def run_plan(plan: Plan, folder: Path, processes: int, cluster: str | None, dry_run: bool, output: Output) -> None:
     """Run a plan's cells, or say which there are."""
     from ..experiments.experiment import Experiment, run_experiment
     from ..experiments.ray_runner import ray_runner

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import math
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,11 +19,9 @@ from .local_runner import LocalRunner
 from .plan import Plan
 from .records import Record, read_record
 from .running import PROGRAM, Outcome, run_cell
-from .scheduling import Expectations, Runner, schedule
+from .scheduling import Expectations, Runner, Sparing, schedule
 
 LOCK = ".lock"
-
-_PAUSE = 50.0  # times as long as writing tables took
 
 DONE, BEGUN, LEFT = "done", "begun", "left"
 """What a cell may be."""
@@ -92,23 +88,16 @@ def alone(folder: Path) -> Iterator[None]:
         yield
 
 
-@dataclass
 class Tables:
-    """An experiment's tables, written anew as its cells are done; of thousands, not after each.
+    """An experiment's tables, written anew as its cells are done; of thousands, not after each."""
 
-    Writing takes as long as there are cells, and nothing begins meanwhile: at most a fiftieth of the time goes there.
-    """
-
-    found: Experiment
-    _due_s: float = -math.inf
+    def __init__(self, found: Experiment) -> None:
+        self._found, self._sparing = found, Sparing()
 
     def write(self, at_the_end: bool = False) -> None:
         """Where they are due; at the end they always are. Raises OSError."""
-        began_s = time.monotonic()
-        if at_the_end or began_s >= self._due_s:
-            gather(self.found.plan, self.found.cells, self.found.records, self.found.folder)
-            ended_s = time.monotonic()
-            self._due_s = ended_s + _PAUSE * (ended_s - began_s)
+        found = self._found
+        self._sparing(lambda: gather(found.plan, found.cells, found.records, found.folder), at_the_end)
 
 
 def run_experiment(

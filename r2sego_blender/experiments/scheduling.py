@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -25,6 +26,7 @@ LOSSES = 3
 """How often a cell goes on elsewhere whose machine was lost, before that counts as a failure of its own."""
 
 _LOOK_S = 0.5  # while a cell waits for room, or for what another makes for it
+_PAUSE = 50.0  # times as long as the work took
 _MORE_THAN_MEASURED = 1.2
 
 Told = Callable[[Cell, Outcome, bool], None]
@@ -49,6 +51,21 @@ class Runner(Protocol):
     def ended(self, timeout_s: float | None) -> tuple[Cell, Outcome] | None:
         """The next cell that has ended, waited for so long (None: until there is one); None where none has."""
         ...
+
+
+class Sparing:
+    """Work that takes as long as there are cells, and may be left out: at most a fiftieth of the time goes there."""
+
+    def __init__(self) -> None:
+        self._due_s = -math.inf
+
+    def __call__(self, work: Callable[[], None], certainly: bool = False) -> None:
+        """Do it where it is due, or where it must be."""
+        began_s = time.monotonic()
+        if certainly or began_s >= self._due_s:
+            work()
+            ended_s = time.monotonic()
+            self._due_s = ended_s + _PAUSE * (ended_s - began_s)
 
 
 class _Taken(NamedTuple):
@@ -107,23 +124,30 @@ def schedule(
     """Do cells by ``run_cell`` and tell how each ended; the failures that were left, by the cells' folders.
 
     No more begin than the ``runner`` has room for, and one always does. A cell that fails is tried ``attempts`` times
-    in all, after the others; one whose machine was lost goes on as the next. ``say`` is given a line after each.
+    in all, after the others; one whose machine was lost goes on as the next. ``say`` is given a line after each, of
+    thousands after some.
     """
     waiting, tries, losses = deque(cells), dict.fromkeys(cells, 0), dict.fromkeys(cells, 0)
     failures = dict[Path, str]()
     started: dict[Cell, float] = {}
+    making: dict[Cell, Path | None] = {}
     threads = max((cell.threads for cell in cells), default=1)
-    done = 0
+    sparing, done, most = Sparing(), 0, 1
+
+    def line() -> str:
+        gone = {one: time.monotonic() - since for one, since in started.items()}
+        return progress_line(done, len(cells), len(failures), expected.left_s(waiting, gone, most))
+
     while waiting or started:
         most = max(1, runner.at_once(threads))
-        while len(started) < most and (cell := _next(waiting, started, expected, runner)) is not None:
+        while len(started) < most and (cell := _next(waiting, making, expected, runner)) is not None:
             waiting.remove(cell)
-            started[cell] = time.monotonic()
+            started[cell], making[cell] = time.monotonic(), cell.shared
             runner.start(cell, run_cell, expected.needs_mb(cell))
         if (found := runner.ended(_LOOK_S if waiting else None)) is None:
             continue
         cell, outcome = found
-        del started[cell]
+        del started[cell], making[cell]
         again = False
         if outcome.record is not None:
             done += 1
@@ -141,21 +165,20 @@ def schedule(
                 failures[cell.folder] = outcome.failure
         told(cell, outcome, again)
         if waiting or started:
-            gone = {one: time.monotonic() - since for one, since in started.items()}
-            say(progress_line(done, len(cells), len(failures), expected.left_s(waiting, gone, most)))
+            sparing(lambda: say(line()))
     return failures
 
 
 def _next(
-    waiting: Sequence[Cell], running: Mapping[Cell, float], expected: Expectations, runner: Runner
+    waiting: Sequence[Cell], making: Mapping[Cell, Path | None], expected: Expectations, runner: Runner
 ) -> Cell | None:
-    """The first cell that can begin: it waits for nothing that another makes, and its memory is free."""
-    made = {cell.shared for cell in running}
-    taken_mb = sum(map(expected.needs_mb, running))
+    """The first cell that can begin: it waits for nothing that one of those under way makes, and its memory is free."""
+    made = {*making.values()}
+    taken_mb = sum(map(expected.needs_mb, making))
     for cell in waiting:
-        if cell.shared is not None and cell.shared in made:
+        if (shared := cell.shared) is not None and shared in made:
             continue
-        if not running or runner.fits(expected.needs_mb(cell), taken_mb):
+        if not making or runner.fits(expected.needs_mb(cell), taken_mb):
             return cell
     return None
 

@@ -1,4 +1,4 @@
-"""Cells on Ray: what a node refuses; and, where Ray is installed, the same tables as here, and nothing left or heard."""
+"""Cells on Ray: what a node refuses; where Ray is installed, the same tables as here, and nothing left or heard."""
 
 from __future__ import annotations
 
