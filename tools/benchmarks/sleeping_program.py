@@ -49,8 +49,9 @@ def _sleep_through(command: str, bundle: Path, declared: dict) -> None:
         time.sleep(seconds * factor)
         if bundle.is_dir():
             record = {"step": step, "inputs": "", "output": "", "seconds": seconds * factor}
-            with journal.open("a") as file:
-                file.write(json.dumps(record) + "\n")
+            longer = journal.with_name(".unfinished-journal")  # in its place, as it may be a link to another bundle's
+            longer.write_text(journal.read_text() + json.dumps(record) + "\n")
+            longer.replace(journal)
 
 
 def _new(bundle: Path) -> None:
