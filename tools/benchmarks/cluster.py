@@ -43,7 +43,7 @@ main()
 """
 _ASKING = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
 
-_CELLS_A_WORKER = 3  # of the comparison of one with two
+_CELLS_A_WORKER = 6  # of the comparison, if there are two
 _STEPS = 20
 _MOST_S, _PAUSE_S = 900.0, 0.05
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import tempfile
 import time
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from r2sego_blender.experiments.running import Outcome, RunCell
 from r2sego_blender.experiments.scheduling import schedule
 
 from .machine import processor
-from .sleeping_cells import SleepingCells
+from .sleeping_cells import SleepingCells, Steps
 from .sleeping_program import scene_factor
 
 SPREAD = 0.3
@@ -84,7 +84,7 @@ def reckoned_s(cells_s: Sequence[float], slots: int) -> float:
 
 def stages_of(seconds: Mapping[str, float]) -> dict[str, float]:
     """Seconds of the steps that do the same in every round, and in every arm of a report."""
-    found: Counter[str] = Counter()
+    found: defaultdict[str, float] = defaultdict(float)
     for step, taken_s in seconds.items():
         parts = step.split("/")
         name = "rounds, " + parts[2] if parts[0] == "rounds" else "report" if parts[0] == "report" else step
@@ -151,7 +151,7 @@ class _AtOnce:
 
 def _own_seconds(work: Path, slots: int) -> float:
     """Processor seconds that scheduler and tables take for 10,000 cells that take nothing."""
-    nothing = {"new": [], "refine": [], "evaluate": []}
+    nothing: Steps = {"new": [], "refine": [], "evaluate": []}
     plan = SleepingCells.of(work, nothing, 1, _MANY).plan
     begun = Experiment.of(plan, work / "out", write=False)
     for cell in begun.cells:
