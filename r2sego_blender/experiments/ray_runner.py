@@ -31,12 +31,23 @@ AUTO = "auto"
 _NOTE = "ray_current_cluster"  # a file of `ray start`
 _CURE = "Start one with `ray start --head`, and name its HOST:PORT on a node of it."
 
+START = """
+from ray._private import node
+from ray.scripts.scripts import main
+node.Node.start_api_server = lambda *_, **__: None
+main()
+"""
+"""Ray's command, without the process that is left of its dashboard when it has none.
+
+That one asks who runs this machine, an address of clouds, and tells Ray's makers that it is not to tell them anything.
+"""
+
 _MIB = 2**20
 _OBJECTS_BYTES = 100 * _MIB  # tasks give back a record each
 _SHARE_OF_MEMORY = 0.9
 _LISTENS_S, _STARTED_S, _PAUSE_S = 5.0, 120.0, 0.1
 _HEARD_S = 0.5  # in which tasks end with the process that asked for them
-_FIRST_WORDS = 300
+_MOST_WORDS = 300
 
 
 class RayRunner:
@@ -81,7 +92,7 @@ class RayRunner:
         except lost as error:
             return cell, Outcome(None, f"its node or process was lost: {_first_line(error)}", lost=True)
         except errors.RayError as error:
-            return cell, Outcome(None, f"Ray could not do it: {_first_line(error)}")
+            return cell, Outcome(None, f"Ray could not do it: {_last_line(error)}")
 
     def _nodes(self) -> list[dict[str, float]]:
         """What each node that is there has."""
@@ -181,7 +192,7 @@ def _of_its_own() -> Iterator[str]:
             "object-store-memory": _OBJECTS_BYTES,
             "temp-dir": folder,
         } | ({"memory": int(memory_mb * _MIB)} if memory_mb < float("inf") else {})
-        command = [sys.executable, "-m", "ray.scripts.scripts", "start", "--head", "--block", "--disable-usage-stats"]
+        command = [sys.executable, "-c", START, "start", "--head", "--block", "--disable-usage-stats"]
         command += [f"--{option}={value}" for option, value in options.items()]
         with (folder / "start.log").open("wb") as log:
             process = subprocess.Popen(
@@ -209,12 +220,20 @@ def _address(process: subprocess.Popen, folder: Path) -> str:
         time.sleep(_PAUSE_S)
     lines = (folder / "start.log").read_text(errors="replace").strip().splitlines()
     raise MachineError(
-        f"Ray does not start: {lines[-1][:_FIRST_WORDS] if lines else 'it says nothing'}",
+        f"Ray does not start: {lines[-1][:_MOST_WORDS] if lines else 'it says nothing'}",
         where="--ray auto",
         cure="Run it with --processes, or start a cluster with `ray start --head`.",
     )
 
 
 def _first_line(error: BaseException) -> str:
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return (lines or [type(error).__name__])[0][:_FIRST_WORDS]
+    return _lines(error)[0][:_MOST_WORDS]
+
+
+def _last_line(error: BaseException) -> str:
+    """Of an error with the traceback of another process."""
+    return _lines(error)[-1][:_MOST_WORDS]
+
+
+def _lines(error: BaseException) -> list[str]:
+    return [line.strip() for line in str(error).splitlines() if line.strip()] or [type(error).__name__]

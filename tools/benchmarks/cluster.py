@@ -23,7 +23,7 @@ from r2sego_blender.core.errors import MachineError, SettingsError
 from r2sego_blender.core.json_files import write_json
 from r2sego_blender.core.progress import SILENT, Progress, TerminalProgress
 from r2sego_blender.experiments.experiment import Experiment, run_experiment
-from r2sego_blender.experiments.ray_runner import RayRunner, ray_runner
+from r2sego_blender.experiments.ray_runner import START, RayRunner, ray_runner
 from r2sego_blender.workers.processes import end_tree, ended_with_this_process, group_of_its_own
 
 from .machine import processor
@@ -34,12 +34,10 @@ TAKEN = "taken.json"
 
 # Ray makes of 127.0.0.1 the machine's own address, and listens on all there are; its variable against that
 # (ray_runner) is for a cluster of one node, or for who asks it.
-_RAY = """
-import sys
+_RAY = f"""
 from ray._private import services
-from ray.scripts.scripts import main
 services.get_node_ip_address = lambda address=None: "127.0.0.1"
-main()
+{START}
 """
 _ASKING = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
 
