@@ -21,6 +21,7 @@ from ..core.errors import ExperimentError, MachineError
 from ..core.formatting import counted
 from ..core.resources import available_cores, available_memory_mb
 from ..core.scratch import ScratchFolder
+from ..workers.library_path import LIBRARY
 from ..workers.processes import end_tree, ended_with_this_process, group_of_its_own
 from .cells import Cell
 from .running import Outcome, RunCell
@@ -119,7 +120,9 @@ def ray_runner(address: str, say: Callable[[str], None] = lambda line: None) -> 
         import ray  # which reads its variables at once
 
         try:
-            ray.init(address=place, log_to_driver=False, logging_level="ERROR")
+            # Tasks look for modules first where this is called from: not in whatever folder a person works in.
+            with contextlib.chdir(LIBRARY.parent):
+                ray.init(address=place, log_to_driver=False, logging_level="ERROR")
         except (OSError, RuntimeError, ValueError, ray.exceptions.RayError) as error:
             raise MachineError(f"the cluster does not answer: {_first_line(error)}", where=place, cure=_CURE) from error
         try:

@@ -71,6 +71,8 @@ def run_cell(cell: Cell, program: Sequence[str] = PROGRAM, patience_s: float = 6
         return Outcome(None, str(error))
     except OSError as error:
         return Outcome(None, f"{error.filename or cell.folder}: {error.strerror or error}")
+    except subprocess.SubprocessError as error:
+        return Outcome(None, f"{cell.folder}: a command could not be started: {error}")
     return Outcome(record)
 
 
