@@ -9,6 +9,7 @@
 #   make lock       requirements/, the packages with their hashes, after a change of pyproject.toml's lists
 # For an NVIDIA GPU under Linux: make install CUDA=1, which fetches 3 GB more
 # To train policies: make install POLICY=1, 120 MB more
+# For experiments on a cluster: make install CLUSTER=1, 250 MB more
 PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
@@ -28,10 +29,10 @@ help:
 
 # torch comes first, alone and by its hash: no other package is looked for in its index. A build on disk is
 # taken where pip knows of one.
-$(VENV)/.installed: pyproject.toml requirements/torch.txt requirements/engine.txt requirements/policy.txt requirements/cuda.txt | python
+$(VENV)/.installed: pyproject.toml requirements/torch.txt requirements/engine.txt requirements/policy.txt requirements/cluster.txt requirements/cuda.txt | python
 	$(PYTHON) -m venv $(VENV)
 	$(if $(CUDA),,$(LOCKED) --no-deps $(TORCH_FROM) --requirement requirements/torch.txt)
-	$(LOCKED) $(call lists,engine $(if $(CUDA),cuda) $(if $(POLICY),policy))
+	$(LOCKED) $(call lists,engine $(if $(CUDA),cuda) $(if $(POLICY),policy) $(if $(CLUSTER),cluster))
 	$(PIP) --no-index --no-deps --no-build-isolation --editable .
 	@touch $@
 

@@ -3,11 +3,12 @@
 Writes ``requirements/``, from which all is installed: what pyproject.toml names and what that brings along, by
 exact versions for every Python and system that is supported, each file by its SHA-256:
 
-    torch.txt   torch alone: the build for processors
-    engine.txt  all else that the engine needs, and what builds this package
-    policy.txt  on top, for training policies
-    tests.txt   on top of both, for the tests
-    cuda.txt    on top and in place of torch.txt, for an NVIDIA GPU under Linux
+    torch.txt    torch alone: the build for processors
+    engine.txt   all else that the engine needs, and what builds this package
+    policy.txt   on top, for training policies
+    cluster.txt  on top, for experiments on a cluster
+    tests.txt    on top of engine.txt and policy.txt, for the tests
+    cuda.txt     on top and in place of torch.txt, for an NVIDIA GPU under Linux
 
 The versions are uv's choice (``make lock`` runs all this) at the package index. Of a version there are the wheels
 that fit, and its source where there is none that does.
@@ -152,12 +153,13 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=ROOT / "requirements", help="folder of the lock")
     options = parser.parse_args()
     for_tests = ("blender", "policy", "test")
-    plain, policy, tests, cuda = (resolved(extras, options.uv) for extras in ((), ("policy",), for_tests, ("cuda",)))
+    extras = ((), ("policy",), ("cluster",), for_tests, ("cuda",))
+    plain, policy, cluster, tests, cuda = (resolved(one, options.uv) for one in extras)
     linux = tuple(target for target in TARGETS if target.system == "linux")
     engine = [one for package in plain if not _OF_CUDA.fullmatch(package["name"]) for one in locked(package)]
-    to_train, to_test = (
+    to_train, to_spread, to_test = (
         [one for package in packages if not _OF_CUDA.fullmatch(package["name"]) for one in locked(package)]
-        for packages in (policy, tests)
+        for packages in (policy, cluster, tests)
     )
     for_gpu = [
         one for package in cuda for one in locked(package, linux if _OF_CUDA.fullmatch(package["name"]) else TARGETS)
@@ -166,6 +168,7 @@ def main() -> None:
         "torch": torch_alone(next(package for package in plain if package["name"] == "torch")),
         "engine": engine,
         "policy": [one for one in to_train if one not in engine],
+        "cluster": [one for one in to_spread if one not in engine],
         "tests": [one for one in to_test if one not in engine and one not in to_train],
         "cuda": [one for one in for_gpu if one not in engine],
     }

@@ -183,4 +183,26 @@ def bench_policy(file: Path | None, **given: Any) -> None:
     _measure("policy", file, **given)
 
 
+@bench.command("scaling")
+@click.option("--bundle", type=FOLDER, required=True, help="A refined bundle, whose steps' seconds count.")
+@_number("--scenes", defaults.SCALING_SCENES, "Scenes that sleep for these seconds.")
+@_number("--slots", defaults.SCALING_SLOTS, "How many of them at once.")
+@_number("--faster", defaults.SCALING_FASTER, "How many times as fast they sleep.")
+@_figures_file
+def bench_scaling(file: Path | None, **given: Any) -> None:
+    """Reckon what many scenes take by the seconds of one, and see whether the scheduler keeps that."""
+    _measure("scaling", file, **given)
+
+
+@bench.command("cluster")
+@_number("--cells", defaults.CLUSTER_CELLS, "Cells that sleep on four nodes.")
+@click.option(
+    "--seconds", type=float, default=defaults.CLUSTER_SECONDS, show_default=True, help="How long each of them sleeps."
+)
+@_figures_file
+def bench_cluster(file: Path | None, **given: Any) -> None:
+    """Run cells on Ray nodes of this machine, kill a node and the experiment, and count what was done."""
+    _measure("cluster", file, **given)
+
+
 COMMANDS = (bench,)

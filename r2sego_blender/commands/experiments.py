@@ -27,6 +27,12 @@ def plan_options(command: Callable) -> Callable:
             help="Cells at once; by default as many as cores and free memory allow.",
         ),
         click.option(
+            "--ray",
+            "cluster",
+            metavar="auto|HOST:PORT",
+            help="On a Ray cluster in place of --processes; auto: the one of this machine, else one of its own.",
+        ),
+        click.option(
             "--dry-run", is_flag=True, help="Say which cells there are and which are done; runs and writes nothing."
         ),
         output_options("--json", "--json-progress"),
@@ -39,7 +45,7 @@ def plan_options(command: Callable) -> Callable:
 @click.command()
 @click.argument("plan", type=ANY_PATH)
 @plan_options
-def experiment(plan: Path, folder: Path, processes: int, dry_run: bool, output: Output) -> None:
+def experiment(plan: Path, folder: Path, processes: int, cluster: str | None, dry_run: bool, output: Output) -> None:
     """Run every cell of the file PLAN that is not done yet, and write metrics.json, tables and figures.
 
     A cell is a scene with a count of captures, a preset and a seed: a bundle that is refined and evaluated. Started
@@ -47,18 +53,22 @@ def experiment(plan: Path, folder: Path, processes: int, dry_run: bool, output: 
     """
     from ..experiments.plan import Plan
 
-    run_plan(Plan.load(plan), folder, processes, dry_run, output)
+    run_plan(Plan.load(plan), folder, processes, cluster, dry_run, output)
 
 
-def run_plan(plan: Plan, folder: Path, processes: int, dry_run: bool, output: Output) -> None:
+def run_plan(plan: Plan, folder: Path, processes: int, cluster: str | None, dry_run: bool, output: Output) -> None:
     """Run a plan's cells, or say which there are."""
     from ..experiments.experiment import Experiment, run_experiment
+    from ..experiments.ray_runner import ray_runner
 
+    if cluster is not None and processes:
+        raise click.UsageError("Give one of --processes and --ray.")
     if dry_run:
         found = Experiment.of(plan, folder, output.progress, write=False)
         output.show(_told(found, {}), _lines)
         return
-    found, failures = run_experiment(plan, folder, processes, output.progress)
+    opened = None if cluster is None else ray_runner(cluster, output.progress.message)
+    found, failures = run_experiment(plan, folder, processes, output.progress, cluster=opened)
     output.show(_told(found, failures), _lines)
     sys.exit(1 if failures and not output.as_events else 0)
 

@@ -15,10 +15,11 @@ from ..core.progress import SILENT, Progress
 from .cells import Cell, cells_of
 from .gathering import gather
 from .inputs import fixed_inputs
-from .local_runner import Expectations, LocalRunner, Scheduler
+from .local_runner import LocalRunner
 from .plan import Plan
 from .records import Record, read_record
 from .running import PROGRAM, Outcome, run_cell
+from .scheduling import Expectations, Runner, Sparing, schedule
 
 LOCK = ".lock"
 
@@ -87,25 +88,39 @@ def alone(folder: Path) -> Iterator[None]:
         yield
 
 
+class Tables:
+    """An experiment's tables, written anew as its cells are done; of thousands, not after each."""
+
+    def __init__(self, found: Experiment) -> None:
+        self._found, self._sparing = found, Sparing()
+
+    def write(self, at_the_end: bool = False) -> None:
+        """Where they are due; at the end they always are. Raises OSError."""
+        found = self._found
+        self._sparing(lambda: gather(found.plan, found.cells, found.records, found.folder), at_the_end)
+
+
 def run_experiment(
     plan: Plan,
     folder: Path,
     processes: int = 0,
     progress: Progress = SILENT,
     program: Sequence[str] = PROGRAM,
-    scheduler: Scheduler | None = None,
+    cluster: contextlib.AbstractContextManager[Runner] | None = None,
 ) -> tuple[Experiment, Mapping[Path, str]]:
-    """Run what is left of a plan, with tables after each cell; the experiment, and the cells that failed, with why.
+    """Run what is left of a plan, with tables as cells are done; the experiment, and the cells that failed, with why.
 
-    ``processes`` are of the local runner (0: as many as fit), unless another ``scheduler`` does the cells with
-    ``program``. Raises ExperimentError as ``alone`` and ``Experiment.of``.
+    At most ``processes`` cells run at once on this machine (0: as many as fit), unless a ``cluster`` is opened for
+    them. ``program`` is what each command of a cell is given to. Raises ExperimentError as ``alone`` and
+    ``Experiment.of``, and what opening the cluster does.
     """
     with alone(folder):
         found = Experiment.of(plan, folder, progress)
         records = dict(found.records)
         found = Experiment(plan, found.folder, found.cells, records)  # which grows
         progress.message(f"{counted(len(found.cells), 'cell')}, {len(records)} done before")
-        gather(plan, found.cells, records, found.folder)
+        tables = Tables(found)
+        tables.write()
 
         def told(cell: Cell, outcome: Outcome, again: bool) -> None:
             if outcome.record is None:
@@ -114,8 +129,15 @@ def run_experiment(
                 return
             records[cell.folder] = outcome.record
             progress.message(f"{cell.name}: done")
-            gather(plan, found.cells, records, found.folder)
+            tables.write()
 
-        local = LocalRunner(found.expected(), processes, say=progress.message)
-        failures = (scheduler or local)(found.left, functools.partial(run_cell, program=program), told)
+        if not found.left:
+            return found, {}
+        # Named as on this machine only where it is another: a node has its own Python.
+        do = run_cell if program is PROGRAM else functools.partial(run_cell, program=program)
+        try:
+            with cluster or contextlib.nullcontext(LocalRunner(processes)) as runner:
+                failures = schedule(found.left, runner, do, found.expected(), told, progress.message)
+        finally:
+            tables.write(at_the_end=True)
         return found, failures

@@ -5,12 +5,13 @@ A cell that was begun goes on where its bundle stands. What a command says is in
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,46 +20,74 @@ from ..bundle.layout import COLLISION, GROUND_PICTURES, REFINED_ASSET
 from ..bundle.scene import Scene
 from ..core.atomic_files import UNFINISHED, remove, rename
 from ..core.errors import ExperimentError, R2SEgoError
+from ..core.file_locks import try_lock
 from ..workers.child import RUNNING, forget
 from ..workers.engine import LIBRARY, engine_environment
 from ..workers.processes import DYING_WITH_PARENT
 from .cells import Cell
 from .inputs import frozen_digest
-from .records import Record, Stage, made_by
+from .records import Record, Stage, made_by, read_record
 
 LOG = "log.txt"
+LOCK = ".lock"
+"""In a cell's folder, beside its bundle."""
 
 PROGRAM = (sys.executable, "-m", LIBRARY.name)
 """What a cell's commands are given to."""
 
 _THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+_LOCK_PAUSE_S = 0.2
 _RESULTS = ("rounds", "report", REFINED_ASSET, COLLISION)
 _LAST_WORDS = 300
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a cell: its record, or why there is none."""
+    """What became of a cell: its record, or why there is none; ``lost`` where the machine that did it is gone."""
 
     record: Record | None
     failure: str = ""
+    lost: bool = False
 
 
 RunCell = Callable[[Cell], Outcome]
 """How a scheduler has a cell done, in any process on any machine that sees its folder."""
 
 
-def run_cell(cell: Cell, program: Sequence[str] = PROGRAM) -> Outcome:
-    """Do what is left of a cell, and write its record; failures of its commands come back, and are not raised."""
+def run_cell(cell: Cell, program: Sequence[str] = PROGRAM, patience_s: float = 60.0) -> Outcome:
+    """Do what is left of a cell, and write its record; failures of its commands come back, and are not raised.
+
+    A cell that another process does is waited for so long, and not done again where it has come to its end: a
+    machine that was given up may have written its record before, or an earlier experiment may still be ending.
+    """
     try:
         cell.folder.mkdir(parents=True, exist_ok=True)
-        record = _done(cell, program)
-        record.write(cell.folder)
+        with _alone(cell, patience_s):
+            record = read_record(cell.folder)
+            if record is None or record.key != cell.key:
+                _done(cell, program).write(cell.folder)
+                record = read_record(cell.folder)  # as the next run will find it, to the byte
     except R2SEgoError as error:
         return Outcome(None, str(error))
     except OSError as error:
         return Outcome(None, f"{error.filename or cell.folder}: {error.strerror or error}")
+    except subprocess.SubprocessError as error:
+        return Outcome(None, f"{cell.folder}: a command could not be started: {error}")
     return Outcome(record)
+
+
+@contextlib.contextmanager
+def _alone(cell: Cell, patience_s: float) -> Iterator[None]:
+    """Within its ``with`` block no other process does the cell. Raises ExperimentError where one keeps on doing it."""
+    until_s = time.monotonic() + patience_s
+    with (cell.folder / LOCK).open("ab") as file:
+        while not try_lock(file):
+            if time.monotonic() > until_s:
+                raise ExperimentError(
+                    "another process does this cell", where=cell.name, cure="Wait until it has ended, or end it."
+                )
+            time.sleep(_LOCK_PAUSE_S)
+        yield
 
 
 def _done(cell: Cell, program: Sequence[str]) -> Record:

@@ -43,12 +43,13 @@ def end_tree(process: subprocess.Popen) -> None:
         os.killpg(process.pid, signal.SIGKILL)
 
 
-def ended_with_this_process(process: subprocess.Popen) -> subprocess.Popen:
+def ended_with_this_process(process: subprocess.Popen, pause_s: float = 0.0) -> subprocess.Popen:
     """A process that kills ``process``, started with ``group_of_its_own``, and what it started, once this one is gone.
 
-    However this one ends, the pipe to it does too. Kill it before ``process`` is waited for.
+    However this one ends, the pipe to it does too; ``pause_s`` lets ``process`` hear of it first. Kill what this
+    returns before ``process`` is waited for.
     """
-    command = [sys.executable, "-I", "-S", "-c", _END_AFTER_INPUT, str(process.pid)]
+    command = [sys.executable, "-I", "-S", "-c", _END_AFTER_INPUT, str(process.pid), str(pause_s)]
     return subprocess.Popen(
         command,
         stdin=subprocess.PIPE,
@@ -104,8 +105,9 @@ DYING_WITH_PARENT: dict[str, Any] = {"preexec_fn": die_with_parent} if _PRCTL is
 """Arguments of Popen for a process that the system ends with this one, where it can."""
 
 _END_AFTER_INPUT = """\
-import os, signal, subprocess, sys
+import os, signal, subprocess, sys, time
 sys.stdin.read()
+time.sleep(float(sys.argv[2]))
 if os.name == "nt":
     subprocess.run(["taskkill", "/T", "/F", "/PID", sys.argv[1]], capture_output=True)
 else:

@@ -15,7 +15,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 NAMED = PROJECT["project"]["dependencies"]
 EXTRAS = PROJECT["project"]["optional-dependencies"]
 LOCK = ROOT / "requirements"
-FILES = ("torch", "engine", "policy", "tests", "cuda")
+FILES = ("torch", "engine", "policy", "cluster", "tests", "cuda")
 
 
 def locked(name):
@@ -74,6 +74,7 @@ def test_every_locked_package_has_one_exact_version_and_hashes(name):
     [
         (("torch", "engine"), [*NAMED, *PROJECT["build-system"]["requires"]]),
         (("engine", "policy"), EXTRAS["policy"]),
+        (("engine", "cluster"), EXTRAS["cluster"]),
         (("engine", "tests"), [*EXTRAS["blender"], *EXTRAS["test"]]),
     ],
 )
@@ -89,7 +90,7 @@ def test_the_lock_has_what_the_project_names_for_every_python_and_system(files, 
 
 
 def test_no_package_is_locked_to_two_versions_in_one_place():
-    for files in (("torch", "engine", "policy", "tests"), ("engine", "policy", "cuda")):
+    for files in (("torch", "engine", "policy", "cluster", "tests"), ("engine", "policy", "cluster", "cuda")):
         of = {}
         for name, version, system, python in versions(*files):
             assert of.setdefault((name, system, python), version) == version, (name, system, python)
@@ -98,7 +99,7 @@ def test_no_package_is_locked_to_two_versions_in_one_place():
 def test_torch_is_locked_alone_and_brings_no_cuda():
     assert {requirement.name for requirement, _ in locked("torch")} == {"torch"}
     assert all(len(hashes) == 1 for _, hashes in locked("torch"))
-    for name in ("engine", "policy", "tests"):
+    for name in ("engine", "policy", "cluster", "tests"):
         assert not [r for r, _ in locked(name) if re.match(r"torch|triton|nvidia|cuda", r.name)]
     with_cuda = {one for requirement, hashes in locked("cuda") if requirement.name == "torch" for one in hashes}
     assert with_cuda and with_cuda.isdisjoint({one for _, hashes in locked("torch") for one in hashes})
@@ -113,7 +114,8 @@ def test_make_installs_by_hashes_and_torch_first_and_alone():
     assert engine.endswith(" --requirement requirements/engine.txt") and "index-url" not in engine
     assert own.endswith(" --editable .") and {"--no-index", "--no-deps", "--no-build-isolation"} <= set(own.split())
     assert tests.endswith(" --requirement requirements/tests.txt") and "index-url" not in tests
-    assert "cuda" not in told
+    assert "cuda" not in told and "requirements/cluster.txt" not in told
+    assert "requirements/cluster.txt" in dry_run("install", "CLUSTER=1")
     with_gpu = dry_run("install", "CUDA=1")
     assert "requirements/cuda.txt" in with_gpu and "requirements/torch.txt" not in with_gpu
 

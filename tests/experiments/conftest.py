@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 from fake_experiment import PLAN, pictures
 
+from r2sego_blender.experiments.cells import cells_of
+from r2sego_blender.experiments.inputs import fixed_inputs
 from r2sego_blender.experiments.plan import Plan
 
 
@@ -26,6 +28,15 @@ def two_cells(plan_file):
     """The plan with one seed, as its file has it then."""
     plan_file.write_text(PLAN.replace("[0, 1]", "[0]"))
     return Plan.load(plan_file)
+
+
+@pytest.fixture
+def cells(plan, tmp_path):
+    """The cells of the plan, whose imports are there."""
+    found = cells_of(plan, fixed_inputs(plan, tmp_path / "out", write=False), tmp_path / "out")
+    for cell in found:
+        cell.imported.mkdir(parents=True, exist_ok=True)
+    return found
 
 
 @pytest.fixture

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
+import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from fake_experiment import PROGRAM, finished
 from small_bundle import bundle, splats
 
 from r2sego_blender.bundle.scene import Scene
@@ -16,8 +19,12 @@ from r2sego_blender.commands.cli import main
 from r2sego_blender.config.settings import CaptureSettings
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import R2SEgoError
+from r2sego_blender.core.file_locks import try_lock
 from r2sego_blender.core.images import load_image, resize, save_image
-from r2sego_blender.experiments.running import copy_bundle
+from r2sego_blender.experiments.cells import cells_of
+from r2sego_blender.experiments.inputs import fixed_inputs
+from r2sego_blender.experiments.records import read_record
+from r2sego_blender.experiments.running import LOCK, copy_bundle, run_cell
 from r2sego_blender.refine.creation import create_scene
 from r2sego_blender.splats.asset import SplatAsset
 
@@ -59,6 +66,40 @@ def test_a_copy_is_whole_or_not_there(tmp_path):
         with pytest.raises((OSError, R2SEgoError)):
             copy_bundle(scene.path, tmp_path / "copy.r2s")
     assert not (tmp_path / "copy.r2s").exists() and not list(tmp_path.glob(".unfinished*"))
+
+
+def test_a_cell_whose_captures_another_made_meanwhile_goes_on(plan, control, tmp_path):
+    """As two nodes of a cluster may: the one that came second finds it there."""
+    cells = cells_of(plan, fixed_inputs(plan, tmp_path / "out", write=False), tmp_path / "out")
+    threads = [threading.Thread(target=run_cell, args=(cell, PROGRAM)) for cell in cells if cell.captures == 3]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert all((cell.folder / "record.json").is_file() for cell in cells if cell.captures == 3)
+
+
+def test_a_cell_that_two_processes_are_given_is_done_once(cells, control):
+    """As after a network that was cut: the one that came second finds the record, and takes it."""
+    cell, outcomes = cells[0], []
+    cell.imported.rmdir()
+    threads = [threading.Thread(target=lambda: outcomes.append(run_cell(cell, PROGRAM))) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert outcomes[0].record == outcomes[1].record == read_record(cell.folder) is not None
+    assert [len(finished(control, name)) for name in ("new", "refine", "evaluate")] == [1, 1, 1]
+    changed = dataclasses.replace(cell, key="another")
+    assert run_cell(changed, PROGRAM).record.key == "another" and len(finished(control, "evaluate")) == 2
+
+
+def test_a_cell_that_another_process_keeps_is_told(cells):
+    cells[0].folder.mkdir(parents=True)
+    with (cells[0].folder / LOCK).open("ab") as file:
+        assert try_lock(file)
+        outcome = run_cell(cells[0], PROGRAM, patience_s=0.1)
+    assert outcome.record is None and cells[0].name in outcome.failure
 
 
 PLAN = """
