@@ -16,6 +16,9 @@ from ..lenses.lens import Lens
 from .photographs import Photograph
 from .trajectories import lines_of, numbers_of
 
+TEST = "TestSplit.txt"
+"""The file that lists a scene's held-out sequences; ``formats.seven_scenes`` has the other."""
+
 RANGE_M = 65.0
 """What is beyond is what the sensor did not measure: it is written as 65.535 m."""
 
@@ -58,7 +61,7 @@ def frames_in(folder: Path) -> list[Path]:
 
 
 def posed_frame(frame: Path) -> Photograph:
-    """A photograph with its pose; its name has that of its sequence, for all have the same frames. Raises CaptureError."""
+    """A photograph with its pose, named after its sequence too, for all have the same frames. Raises CaptureError."""
     file = _beside(frame, _POSE)
     pose = numbers_of(" ".join(lines_of(file, _MOST_BYTES)), str(file)).reshape(4, 4)
     return Photograph(f"{frame.parent.name}/{frame.name}", frame, _LENS, pose, str(file))
