@@ -80,7 +80,6 @@ def dataset_plan(
             f"there is no scene of {name}", where=data, cure=f"Give the folder of scenes that hold {known.about}."
         )
     scenes = []
-    folder.mkdir(parents=True, exist_ok=True)
     for scene, place in _chosen(found, choice.scenes, data).items():
         split = known.split(place, scene, choice.captures or known.captures, progress)
         progress.message(f"{scene}: {len(split.captures)} captures, {len(split.frozen)} held-out: {split.protocol}")

@@ -59,8 +59,9 @@ def staged(split: Split, name: str, folder: Path, sensor_depth: bool = False) ->
     staging = folder.with_name(UNFINISHED + folder.name)
     remove(staging)
     try:
+        for part in ("captures", "frozen"):
+            (staging / part).mkdir(parents=True)
         for one, place in (*captures, *frozen):
-            (staging / place).parent.mkdir(parents=True, exist_ok=True)
             linked(one.path, staging / place)
         write_json(staging / CAMERAS, told)
         if sensor_depth:

@@ -73,7 +73,7 @@ def split(place: Path, name: str, count: int, progress: Progress) -> Split:
     return Split(
         [frames[number] for number in captures_at],
         [frames[number] for number in held_out],
-        f"{told}; captures are the frames {numbers} of {file.parent}",
+        f"{told}; captures are the frames {numbers} of {file.parent.name}",
     )
 
 
