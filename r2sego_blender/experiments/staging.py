@@ -5,7 +5,6 @@ Photographs are hard links where the disk has them, and copies elsewhere; the da
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 from collections.abc import Sequence
@@ -22,8 +21,7 @@ from ..core.atomic_files import UNFINISHED, remove, rename
 from ..core.errors import CaptureError, ExperimentError
 from ..core.file_names import plain_name
 from ..core.images import stored_values
-from ..core.json_files import write_json
-from ..core.text_files import read_text
+from ..core.json_files import read_json, write_json
 from .datasets.dataset import Split
 from .plan import PlannedScene
 
@@ -31,7 +29,6 @@ CAMERAS = "cameras.json"
 """Captures and held-out views of a scene."""
 
 _DEPTH_POSES = "transforms.json"
-_MOST_BYTES = 64 << 20
 
 
 def staged(split: Split, name: str, folder: Path, sensor_depth: bool = False) -> PlannedScene:
@@ -96,7 +93,7 @@ def _entry(photograph: Photograph, place: str) -> dict[str, Any]:
 
 def _require_same(folder: Path, told: dict[str, Any], poses: Path) -> None:
     try:
-        known = json.loads(read_text(folder / CAMERAS, _MOST_BYTES))
+        known = read_json(folder / CAMERAS)
     except (OSError, ValueError):
         known = None
     if known != told or not poses.is_file():

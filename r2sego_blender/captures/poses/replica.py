@@ -14,11 +14,10 @@ from typing import Any
 from ...core.errors import CaptureError
 from ..lenses.lens import Lens
 from . import json_fields as fields
-from .formats.replica import FRAMES, NICE_SLAM, SEMANTIC_NERF
 from .photographs import Photograph, photograph_size
+from .replica_files import FRAMES, SEMANTIC_NERF
 from .trajectories import numbered_frames, posed_frames
 
-_STEMS = {SEMANTIC_NERF: "rgb_", NICE_SLAM: "frame"}
 _LENS_FILE = "cam_params.json"
 _OF_NICE_SLAM = {"w": 1200, "h": 680, "fx": 600.0, "fy": 600.0, "cx": 599.5, "cy": 339.5}
 _HALF_PX = 0.5  # here the first pixel's centre is (0.5, 0.5)
@@ -26,7 +25,7 @@ _HALF_PX = 0.5  # here the first pixel's centre is (0.5, 0.5)
 
 def read_walk(file: Path) -> list[Photograph]:
     """All frames of a walk, in order, in metres. Raises CaptureError."""
-    folder, stem = FRAMES[file.name], _STEMS[file.name]
+    folder, stem = FRAMES[file.name]
     frames = numbered_frames(file.parent / folder, stem)
     if not frames:
         cure = f"Give them as the release has them: {folder}/{stem}...."

@@ -47,7 +47,10 @@ def sequences(scene: Path, split: str) -> list[Path]:
         folder = scene / f"seq-{int(match[1]):02d}"
         # The zips of some copies hold a folder of the same name.
         inner = folder / folder.name
-        found.append(inner if inner.is_dir() else folder)
+        folder = inner if inner.is_dir() else folder
+        if folder in found:
+            raise CaptureError(f"'{words}' is listed twice", where=scene / split, cure="Keep one line of each.")
+        found.append(folder)
     if missing := [folder.name for folder in found if not holds_frames(folder)]:
         cure = "Unpack its zip there."
         raise CaptureError(f"the sequence {missing[0]} has no frames", where=scene, cure=cure)

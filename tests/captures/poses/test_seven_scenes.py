@@ -51,7 +51,7 @@ def test_lists_are_read_as_they_are_written(tmp_path, chess, line):
 
 
 def test_what_is_wrong_is_told_by_its_place(tmp_path, chess):
-    for text, what in (("sequence7", "seq-07"), ("../../etc", "../../etc")):
+    for text, what in (("sequence7", "seq-07"), ("../../etc", "../../etc"), ("sequence1\nseq-01", "seq-01")):
         (tmp_path / "TrainSplit.txt").write_text(text)
         with refused(CaptureError, "", what):
             sequences(tmp_path, "TrainSplit.txt")

@@ -7,19 +7,7 @@ from pathlib import Path
 from ....config.settings import CaptureSettings
 from ....core.progress import Progress
 from ..pose_format import Posed, PoseFormat
-
-SEMANTIC_NERF, NICE_SLAM = "traj_w_c.txt", "traj.txt"
-"""The files of poses."""
-
-FRAMES = {SEMANTIC_NERF: "rgb", NICE_SLAM: "results"}
-"""With the folder of frames beside each."""
-
-
-def find(place: Path) -> list[Path]:
-    """The file, or the one in a folder, where frames lie beside it."""
-    files = [place / name for name in FRAMES] if place.is_dir() else [place]
-    files = [file for file in files if file.name in FRAMES and file.is_file()]
-    return [file for file in files if (file.parent / FRAMES[file.name]).is_dir()][:1]
+from ..replica_files import FRAMES, find_walk
 
 
 def read(file: Path, folder: Path, settings: CaptureSettings, progress: Progress) -> Posed:
@@ -31,4 +19,4 @@ def read(file: Path, folder: Path, settings: CaptureSettings, progress: Progress
     return Posed(photographs, FORMAT.name, metric=True)
 
 
-FORMAT = PoseFormat("walk through Replica", find, read, files=tuple(FRAMES), photographs_too=True, order=6)
+FORMAT = PoseFormat("walk through Replica", find_walk, read, files=tuple(FRAMES), photographs_too=True, order=6)

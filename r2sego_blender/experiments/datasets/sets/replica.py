@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from ....captures.poses.formats.replica import FORMAT, SEMANTIC_NERF
 from ....captures.poses.photographs import Photograph
 from ....captures.poses.replica import read_walk
+from ....captures.poses.replica_files import SEMANTIC_NERF, find_walk
 from ....captures.poses.trajectories import read_matrices
 from ....core.errors import ExperimentError
 from ....core.progress import Progress
@@ -79,9 +79,9 @@ def split(place: Path, name: str, count: int, progress: Progress) -> Split:
 
 def _walks(place: Path) -> dict[str, Path]:
     """The files of poses in a scene's folder and its sequences, by the sequence, empty where there is one walk."""
-    own = FORMAT.find(place)
+    own = find_walk(place)
     inside = sorted(place.glob("Sequence_*")) if place.is_dir() else []
-    return {"": own[0]} if own else {one.name: found[0] for one in inside if (found := FORMAT.find(one))}
+    return {"": own[0]} if own else {one.name: found[0] for one in inside if (found := find_walk(one))}
 
 
 def _number(frame: Photograph) -> int:
