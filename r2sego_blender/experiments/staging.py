@@ -19,7 +19,7 @@ from ..captures.poses.transforms_json import GL_FROM_CV
 from ..captures.sensors.sensor_depth import MILLIMETRE_M
 from ..core.atomic_files import UNFINISHED, remove, rename
 from ..core.errors import CaptureError, ExperimentError
-from ..core.file_names import plain_name
+from ..core.file_names import caseless, plain_name
 from ..core.images import stored_values
 from ..core.json_files import read_json, write_json
 from .datasets.dataset import Split
@@ -79,7 +79,9 @@ def linked(source: Path, place: Path) -> None:
 
 def _renamed(photographs: Sequence[Photograph], folder: str) -> list[tuple[Photograph, str]]:
     """Photographs with their places in a scene's folder; a name of two folders becomes one."""
-    names = [plain_name(one.name.replace("\\", "_").replace("/", "_")) for one in photographs]
+    names = [plain_name(one.name) for one in photographs]
+    if len(set(map(caseless, names))) < len(names):
+        names = [f"{index:04d}_{name}" for index, name in enumerate(names)]
     return [(replace(one, name=name), f"{folder}/{name}") for one, name in zip(photographs, names, strict=True)]
 
 

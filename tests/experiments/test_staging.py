@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from dataset_folders import pose, scannetpp, semantic_nerf, seven_scenes
@@ -61,6 +63,15 @@ def test_a_scene_is_kept_and_never_changed_under_an_experiment(tmp_path):
     assert kept == {file: file.stat().st_ino for file in (tmp_path / "out").rglob("*")}
     with refused(ExperimentError, "--sensor-depth"):
         staged(split, "data", tmp_path / "out", sensor_depth=True)
+
+
+def test_names_that_are_one_as_files_are_told_apart(tmp_path):
+    semantic_nerf(tmp_path / "data", 90)
+    split = replica.split(tmp_path / "data", "data", 6, SILENT)
+    names = ("a b.png", "a_b.png", "A/B.png", "c.png", "d.png", "e.png")
+    named = [replace(one, name=name) for one, name in zip(split.captures, names, strict=True)]
+    scene = staged(replace(split, captures=named), "data", tmp_path / "out")
+    same_views(import_captures(scene.captures, scene.poses, SETTINGS).captures, split.captures)
 
 
 def test_a_sensors_depth_is_there_only_where_it_is_asked_for(tmp_path):

@@ -30,7 +30,9 @@ def test_a_walk_is_read_where_it_lies_and_its_depth_stays_out(tmp_path, make):
     assert imported.metric and imported.depth is None and len(imported.captures) == 12
     for number, capture in enumerate(imported.captures):  # the tenth frame is no second one
         assert str(number) in capture.name and np.abs(capture.camera.world_from_camera - pose(number)).max() < 1e-12
-    assert capture_files([file], ".r2s").poses == file
+    dropped = capture_files([file], ".r2s")
+    assert dropped.poses == file and dropped.photographs == capture.image_path.parent
+    assert dropped.scene == tmp_path / "office.r2s"
 
 
 def test_rays_of_semantic_nerf_are_those_of_its_trainer(tmp_path):
