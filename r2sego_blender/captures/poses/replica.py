@@ -1,8 +1,8 @@
 """Rendered walks through Replica (Straub et al. 2019), in the two layouts in circulation; both are in metres.
 
-Of Semantic-NeRF (Zhi et al. 2021): ``rgb/rgb_0.png`` and ``traj_w_c.txt``, its lens in ``SSR/training/trainer.py``. Of
+Of Semantic-NeRF (Zhi et al. 2021): ``rgb/rgb_0.png`` and ``traj_w_c.txt``, the lens that of its trainer. Of
 NICE-SLAM (Zhu et al. 2022): ``results/frame000000.jpg`` and ``traj.txt``; the lens is in ``cam_params.json`` above,
-or that of its ``configs/Replica/replica.yaml``. Both releases count pixels' centres in whole numbers. Depth and
+or that of its configuration for Replica. Both releases count pixels' centres in whole numbers. Depth and
 semantics beside the frames are the model's own: nothing here looks at them.
 """
 

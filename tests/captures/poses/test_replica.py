@@ -36,7 +36,7 @@ def test_a_walk_is_read_where_it_lies_and_its_depth_stays_out(tmp_path, make):
 
 
 def test_rays_of_semantic_nerf_are_those_of_its_trainer(tmp_path):
-    """``SSR/training/trainer.py``: hfov 90, cx = (W - 1) / 2, and pixels counted from 0."""
+    """There hfov is 90, cx = (W - 1) / 2, and pixels counted from 0."""
     camera = import_captures(semantic_nerf(tmp_path / "office", 3).parent, None, SETTINGS).captures[1].camera
     focal = camera.width / 2.0 / math.tan(math.radians(90.0 / 2.0))
     x, y = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
