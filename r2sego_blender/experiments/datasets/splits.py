@@ -28,8 +28,8 @@ def equally_spaced(things: Sequence[T], count: int, where: Path, what: str = "ph
 def around(captures: Iterable[int], frames: int, reach: int, step: int) -> list[int]:
     """Every ``step``-th of the frames up to ``reach`` before and after each capture, but no capture; sorted.
 
-    The rule of GuidedVD-3DGS (Zhong et al. 2025) for Replica: the frames before a capture and those after it are one list,
-    of which every ``step``-th counts.
+    The rule of GuidedVD-3DGS (Zhong et al. 2025) for Replica: the frames before a capture and those after it
+    are one list, of which every ``step``-th counts.
     """
     captures = list(captures)
     found: set[int] = set()
