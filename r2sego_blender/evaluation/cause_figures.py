@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
+from ..core.json_files import finite_number
 from .arms import REFINED
 from .frozen import ArmScore
 from .report_data import CausesOfView, ErrorCause, ErrorSplit, FrozenView
@@ -67,6 +69,28 @@ def report_causes(causes: SceneCauses | str, refined: ArmScore, frozen: Sequence
         coloured = cause_picture(found[view.name].labels, image, view.truth)
         worst.append(CausesOfView(view.name, view.truth, image, coloured, scored.psnr, _summary(found[view.name])))
     return ErrorSplit(causes.told_by, tuple(rows), tuple(worst), causes.note)
+
+
+def split_in(entry: Any) -> ErrorSplit | None:
+    """What ``metrics.json`` says of the causes, as the report shows it; None where it says none."""
+    try:
+        found = {str(one["cause"]): one for one in entry["shares"]}
+        rows = [
+            ErrorCause(
+                cause.label,
+                cause.meaning,
+                cause.mended_by,
+                CAUSE_COLOURS[name],
+                *(None if found[name][key] is None else finite_number(found[name][key]) for key in _FIGURES),
+            )
+            for name, cause in CAUSES.items()
+        ]
+        return ErrorSplit(str(entry["told_by"]), tuple(rows), note=str(entry.get("note", "")))
+    except (LookupError, TypeError, ValueError, AttributeError):
+        return None
+
+
+_FIGURES = ("error", "pixels", "psnr")
 
 
 def _summary(view: ViewCauses) -> str:

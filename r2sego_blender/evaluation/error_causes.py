@@ -15,14 +15,12 @@ import numpy as np
 
 from ..core.cameras import Camera
 from ..generation.generators.visibility import depth_edges
-from ..geometry.visibility.point_visibility import looked_up, same_depth
+from .surfaces.regions import seen_by_captures
 
 CAUSES = ("wrong_depth", "never_seen", "edges", "appearance")
 
 _WRONG_DEPTH = 0.03  # relative
-_SEEN_WITHIN = 0.01  # relative difference of a true point's depth and the capture's true depth
 _EDGE_JUMP = 0.03
-_FAR_M = 1000.0  # where rays end that meet no surface
 EDGE_PX = 2
 """Pixels this near a depth edge count as edges."""
 
@@ -56,24 +54,6 @@ def causes(
     seen = seen_by_captures(camera, true_depth, capture_cameras, capture_true_depths)
     edges = near_edges(true_depth)
     return np.select([wrong, ~seen, edges], [0, 1, 2], 3).astype(np.uint8)
-
-
-def seen_by_captures(
-    camera: Camera, depth: np.ndarray, capture_cameras: Sequence[Camera], capture_depths: Sequence[np.ndarray]
-) -> np.ndarray:
-    """(H, W) bool: which surface points of a view some capture sees too.
-
-    ``depth`` and ``capture_depths`` (H, W) are planar metres of one surface, 0 where there is
-    none. Where the view shows none, a capture that looks that way out of the surface too
-    counts as seeing it.
-    """
-    surface = depth > 0.0
-    seen = np.zeros(camera.shape, bool)
-    points = camera.unproject(np.where(surface, depth, _FAR_M))
-    for other, other_depth in zip(capture_cameras, capture_depths, strict=True):
-        inside, z, there = looked_up(points, other, other_depth)
-        seen[inside] |= np.where(surface[inside], same_depth(there, z, _SEEN_WITHIN), there <= 0.0)
-    return seen
 
 
 def near_edges(depth: np.ndarray) -> np.ndarray:

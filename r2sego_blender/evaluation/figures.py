@@ -34,6 +34,8 @@ _CONTOUR_M = 0.06
 _FADED = 0.45
 """How far the plan goes over into the background where cameras are drawn on it."""
 
+_MASK_TINT, _MASK_OPACITY = (235, 60, 160), 110
+
 _KEY_LIGHT = np.array([-0.35, -0.5, 0.79])
 
 
@@ -136,6 +138,16 @@ def save_figure(path: Path, picture: np.ndarray | Path, quality: int = 90) -> No
         return
     pixels = picture if picture.dtype == np.uint8 else to_uint8(picture)
     Image.fromarray(pixels).convert("RGB").save(path, "JPEG", quality=quality)
+
+
+def save_mask(path: Path, mask: np.ndarray) -> None:
+    """Write (H, W) bool as a PNG to be laid over pictures: clear where it is False, else tinted, with an outline."""
+    inner = mask.copy()
+    for axis, step in ((0, 1), (0, -1), (1, 1), (1, -1)):
+        inner &= np.roll(mask, step, axis)
+    image = Image.fromarray(mask.astype(np.uint8) + (mask & ~inner).astype(np.uint8))
+    image.putpalette([0, 0, 0, *_MASK_TINT, *_MASK_TINT])
+    image.save(path, "PNG", transparency=bytes([0, _MASK_OPACITY, 255]), optimize=True)
 
 
 def _plan_camera(low: np.ndarray, high: np.ndarray, width_px: int) -> Camera:

@@ -65,9 +65,14 @@ class GroundTruth:
 
     def visible_points(self, spacing_m: float) -> np.ndarray:
         """(P, 3) float64: the surface that the captures truly see, one point a voxel."""
-        seen = np.concatenate([v.camera.unproject(v.depth)[v.depth > 0.0] for v in self.views])
-        _, first = np.unique(np.floor(seen / spacing_m).astype(np.int64), axis=0, return_index=True)
-        return seen[first]
+        return points_of_views([view.camera for view in self.views], [view.depth for view in self.views], spacing_m)
+
+
+def points_of_views(cameras: Sequence[Camera], depths: Sequence[np.ndarray], spacing_m: float) -> np.ndarray:
+    """(P, 3) float64: the surface in planar depths (H, W), 0 unknown, one point a voxel."""
+    seen = np.concatenate([camera.unproject(z)[z > 0.0] for camera, z in zip(cameras, depths, strict=True)])
+    _, first = np.unique(np.floor(seen / spacing_m).astype(np.int64), axis=0, return_index=True)
+    return seen[first]
 
 
 def load_ground_truth(folder: Path) -> GroundTruth:

@@ -2,7 +2,9 @@
 
     {"arms": {"refined": {"psnr": 26.1872, "ssim": 0.8431, "lpips_alex": null,
                           "lpips_reason": "AlexNet weights not at hand ...",
-                          "views": [{"name": "frozen_00", "psnr": ..., "ssim": ...}, ...]},
+                          "psnr_seen": 27.9, "psnr_unseen": 19.4, "unseen": 0.21, "seen_by": "the true room's mesh",
+                          "depth_error": 0.011, "depth_right": 0.93, "proxy_fscore": 0.87, ...
+                          "views": [{"name": "frozen_00", "psnr": ..., "ssim": ..., "psnr_seen": ...}, ...]},
               "vanilla_3dgs": ..., "initial": ...},
      "rounds": [{"round": 0, "psnr": 25.1204, "ssim": 0.8266},
                 {"round": 1, "psnr": 24.9087, "ssim": 0.8259, "mark": "0.21 dB below round 0"},
@@ -13,6 +15,7 @@
                 "views": [{"name": "frozen_00", "error": {"wrong_depth": 0.38, ...}}, ...]},
      "assets": {"asset.ply": "<SHA-256>", "rounds/0/asset.ply": ...}}
 
+What captures saw and what not, and errors of geometry, are there where they could be told (``surface_scores``).
 A score that is no finite number (the PSNR of two equal images) is ``null``, and so is what
 cannot be told of a cause. ``causes`` may have a ``note``; where there are none at all, it is
 ``{"unavailable": "why"}``. ``assets`` are the digests of what was scored, as the journal has them.
@@ -23,33 +26,38 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from ..core.atomic_files import write_whole
 from .frozen import ArmScore, rounded
+from .surfaces.surface_scores import ArmFigures
 
 
-def write_metrics(path: Path, arms: Mapping[str, ArmScore], **more: Any) -> dict[str, Any]:
+def write_metrics(
+    path: Path, arms: Mapping[str, ArmScore], figures: Mapping[str, ArmFigures] = MappingProxyType({}), **more: Any
+) -> dict[str, Any]:
     """Write the arms' scores, replacing the file in one step; the document written.
 
-    ``more`` are further parts of it, ready for JSON.
+    ``figures`` are what surfaces tell of some arms; ``more`` are further parts of it, ready for JSON.
     """
-    document = {"arms": {name: _arm(arms[name]) for name in sorted(arms)}, **more}
+    document = {"arms": {name: _arm(arms[name], figures.get(name)) for name in sorted(arms)}, **more}
     write_whole(path, json.dumps(document, indent=1, sort_keys=True, allow_nan=False) + "\n")
     return document
 
 
-def _arm(arm: ArmScore) -> dict[str, Any]:
+def _arm(arm: ArmScore, figures: ArmFigures | None) -> dict[str, Any]:
     views = []
     for view in sorted(arm.views, key=lambda view: view.name):
         entry = {"name": view.name, "psnr": rounded(view.psnr), "ssim": rounded(view.ssim)}
         if view.lpips_alex is not None:
             entry["lpips_alex"] = rounded(view.lpips_alex)
-        views.append(entry)
+        views.append({**entry, **(figures.views[view.name] if figures else {})})
     return {
         "psnr": rounded(arm.psnr),
         "ssim": rounded(arm.ssim),
         "lpips_alex": rounded(arm.lpips_alex),
         "lpips_reason": arm.lpips_reason,
+        **(figures.whole if figures else {}),
         "views": views,
     }

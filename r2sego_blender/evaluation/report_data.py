@@ -19,7 +19,8 @@ class Arm:
     """One asset that was scored on the frozen views.
 
     ``key`` is its name in metrics.json, ``label`` what a person reads, ``note`` how it was
-    made. A score that could not be computed is None.
+    made. A score that could not be computed is None; ``psnr_seen`` and ``psnr_unseen`` are of the
+    pixels that captures saw and of the others.
     """
 
     key: str
@@ -28,6 +29,8 @@ class Arm:
     ssim: float | None
     lpips_alex: float | None = None
     note: str = ""
+    psnr_seen: float | None = None
+    psnr_unseen: float | None = None
 
 
 @dataclass(frozen=True)
@@ -42,21 +45,27 @@ class Backend:
 
 @dataclass(frozen=True)
 class Rendering:
-    """One arm's picture of a frozen view, and its score there; ``arm`` is the arm's key."""
+    """One arm's picture of a frozen view, and its scores there; ``arm`` is the arm's key."""
 
     arm: str
     picture: Picture
     psnr: float | None = None
     ssim: float | None = None
+    psnr_seen: float | None = None
+    psnr_unseen: float | None = None
 
 
 @dataclass(frozen=True)
 class FrozenView:
-    """A held-out view: the photograph, and what each arm renders there."""
+    """A held-out view: the photograph, and what each arm renders there.
+
+    ``unseen`` is (H, W) bool, the pixels that no capture saw, or their picture, to be laid over the others.
+    """
 
     name: str
     truth: Picture
     renderings: tuple[Rendering, ...]
+    unseen: Picture = None
 
 
 @dataclass(frozen=True)
@@ -209,7 +218,8 @@ class ReportData:
     ``facts`` are (label, value) pairs for the head of the page, such as the seed. ``arms``
     in the order of the table; the last, refined, is the headline, and ``baseline`` is the key of
     the arm it is compared with, the strongest of others. ``scored_rounds`` are in order;
-    ``error_split`` is None where nothing was scored. ``provenance`` are the proxy's
+    ``error_split`` is None where nothing was scored. ``unseen_told`` says what share of the pixels
+    no capture saw, ``geometry`` lines of its errors. ``provenance`` are the proxy's
     shares, {"observed": 0.6, ...}. ``timings`` are (step, seconds) in the order they ran.
     """
 
@@ -219,6 +229,8 @@ class ReportData:
     arms: tuple[Arm, ...] = ()
     baseline: str = "vanilla_3dgs"
     lpips_reason: str = ""
+    unseen_told: str = ""
+    geometry: tuple[str, ...] = ()
     backends: tuple[Backend, ...] = ()
     scored_rounds: tuple[ScoredRound, ...] = ()
     error_split: ErrorSplit | None = None

@@ -9,36 +9,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 
-from ..bundle.scene import Scene
 from ..captures.capture import Capture
-from ..captures.store import CAPTURES
-from ..core.cameras import Camera
-from ..core.errors import EvaluationError
-from ..core.progress import SILENT, Progress
-from ..geometry.proxy.proxy import PROXY
-from ..geometry.visibility.rasterizer import MeshRasterizer
-from .error_causes import EDGE_PX, CauseShares, near_edges, seen_by_captures, split
+from .error_causes import EDGE_PX, CauseShares, near_edges, split
 from .frozen import rounded
-from .ground_truth import TRUE_MESH, load_true_mesh
+from .surfaces.figures import PROXY_ALONE
+from .surfaces.scene_surfaces import SceneSurfaces, ViewSurface
 
 WRONG_DEPTH_M = 0.05
 """Geometry farther than this from the true depth is wrong."""
 
 OFF_SURFACE_M, OFF_SURFACE = 0.10, 0.03
 """Splats farther than the larger of these from the surface, metres and relative, are off it."""
-
-TRUE_ROOM, PROXY_ALONE = "the true room's mesh", "the proxy alone"
-"""By what causes are told."""
-
-_SAME_ROOM_M = 0.3
-"""A true mesh is of this room and in its frame when half of what the captures see lies this
-near to the proxy."""
 
 _NOTHING_M = np.float32(1e6)
 
@@ -107,58 +93,40 @@ class SceneCauses:
 
 
 def split_by_cause(
-    scene: Scene,
-    frozen: Path,
-    views: Sequence[Capture],
-    images: Sequence[np.ndarray],
-    asset_depths: Sequence[np.ndarray],
-    progress: Progress = SILENT,
+    surfaces: SceneSurfaces, views: Sequence[Capture], images: Sequence[np.ndarray], asset_depths: Sequence[np.ndarray]
 ) -> SceneCauses:
     """Split the squared error of the refined asset's ``images`` (H, W, 3) by cause.
 
     ``asset_depths`` (H, W) are the asset's own at the same views, planar metres, 0 where it
-    shows nothing. ``frozen`` is what the views were read of: a ``room.npz`` beside it is the
-    true room. The proxy is the last round's. Raises GeometryError when that is not there.
+    shows nothing. ``surfaces`` are those of the views, in their order.
     """
-    last = scene.rounds_of_result() - 1
-    proxy = scene.read(PROXY.of_round(max(last, 0)))
-    found = MeshRasterizer(proxy.vertices, proxy.faces)
-    captures = [capture.camera for capture in scene.read(CAPTURES)]
-    true, note = _true_room(scene, frozen, found, captures)
-    told = found if true is None else true
-    seen_in = [told.render(camera).depth for camera in captures]
-    labels = []
-    for view, asset_depth in zip(progress.track(views, "Causes of the error"), asset_depths, strict=True):
-        proxy_depth = found.render(view.camera).depth
-        true_depth = None if true is None else true.render(view.camera).depth
-        labels.append(label_pixels(view.camera, proxy_depth, asset_depth, captures, seen_in, true_depth))
-    return _counted(views, images, labels, TRUE_ROOM if true is not None else PROXY_ALONE, note)
+    labels = [label_pixels(view, asset) for view, asset in zip(surfaces.views, asset_depths, strict=True)]
+    photographs = [view.image() for view in views]
+    shares: dict[str, CauseShares | None] = dict(split(images, photographs, labels, tuple(CAUSES)))
+    if surfaces.told_by == PROXY_ALONE:
+        shares["wrong_depth"] = None
+    each = tuple(
+        ViewCauses(view.name, label, split([image], [photograph], [label], tuple(CAUSES)))
+        for view, image, photograph, label in zip(views, images, photographs, labels, strict=True)
+    )
+    return SceneCauses(surfaces.told_by, shares, each, surfaces.note)
 
 
-def label_pixels(
-    camera: Camera,
-    proxy_depth: np.ndarray,
-    asset_depth: np.ndarray,
-    capture_cameras: Sequence[Camera],
-    capture_depths: Sequence[np.ndarray],
-    true_depth: np.ndarray | None = None,
-) -> np.ndarray:
+def label_pixels(view: ViewSurface, asset_depth: np.ndarray) -> np.ndarray:
     """(H, W) uint8, an index into ``CAUSES`` for each pixel of a view.
 
-    Depths (H, W) are planar metres, 0 where nothing is. ``capture_depths`` are the captures'
-    of the same surface as ``true_depth`` or, without it, as ``proxy_depth``. A depth counts
+    ``asset_depth`` (H, W) is in planar metres, 0 where nothing is. A depth counts
     as off only where the surface has no such depth within 2 px: what is blended over an edge
     is an edge's error.
     """
-    surface = proxy_depth if true_depth is None else true_depth
-    wrong = np.zeros(camera.shape, bool)
-    if true_depth is not None:
-        wrong = _apart(proxy_depth, true_depth, np.float32(WRONG_DEPTH_M))
+    surface = view.known_depth
+    wrong = np.zeros(surface.shape, bool)
+    if view.true_depth is not None:
+        wrong = _apart(view.proxy_depth, view.true_depth, np.float32(WRONG_DEPTH_M))
     tolerance_m = np.maximum(OFF_SURFACE_M, OFF_SURFACE * surface).astype(np.float32)
     off = (surface > 0.0) & _apart(asset_depth, surface, tolerance_m)
-    seen = seen_by_captures(camera, surface, capture_cameras, capture_depths)
     edges = near_edges(surface)
-    return np.select([wrong, off, ~seen, edges], range(4), _INDEX["appearance"]).astype(np.uint8)
+    return np.select([wrong, off, ~view.seen, edges], range(4), _INDEX["appearance"]).astype(np.uint8)
 
 
 def as_entry(causes: SceneCauses | str) -> dict[str, Any]:
@@ -202,40 +170,3 @@ def _apart(depth: np.ndarray, surface: np.ndarray, tolerance_m: np.ndarray | np.
     depth, surface = (np.where(d > 0.0, d, _NOTHING_M).astype(np.float32) for d in (depth, surface))
     nearest, farthest = cv2.erode(surface, square), cv2.dilate(surface, square)
     return (depth < nearest - tolerance_m) | (depth > farthest + tolerance_m)
-
-
-def _true_room(
-    scene: Scene, frozen: Path, proxy: MeshRasterizer, captures: Sequence[Camera]
-) -> tuple[MeshRasterizer | None, str]:
-    """The true room in the world frame, or None and why; no words where no mesh lies there."""
-    folders = [frozen, frozen.parent] if frozen.is_dir() else [frozen.parent]
-    file = next((folder / TRUE_MESH for folder in folders if (folder / TRUE_MESH).is_file()), None)
-    if file is None:
-        return None, ""
-    try:
-        vertices, faces = load_true_mesh(file)
-    except EvaluationError as error:
-        return None, f"{TRUE_MESH} beside the frozen views cannot be used: {error.what}"
-    similarity = np.array(scene.declaration.world_from_capture)
-    true = MeshRasterizer(vertices @ similarity[:3, :3].T + similarity[:3, 3], faces)
-    apart = []
-    for camera in captures:
-        a, b = proxy.render(camera).depth, true.render(camera).depth
-        apart.append(np.where((a > 0.0) & (b > 0.0), np.abs(a - b), np.inf).ravel())
-    if not np.median(np.concatenate(apart)) <= _SAME_ROOM_M:
-        return None, f"{TRUE_MESH} beside the frozen views is not in the frame of the captures"
-    return true, ""
-
-
-def _counted(
-    views: Sequence[Capture], images: Sequence[np.ndarray], labels: Sequence[np.ndarray], told_by: str, note: str
-) -> SceneCauses:
-    photographs = [view.image() for view in views]
-    shares: dict[str, CauseShares | None] = dict(split(images, photographs, labels, tuple(CAUSES)))
-    if told_by == PROXY_ALONE:
-        shares["wrong_depth"] = None
-    each = tuple(
-        ViewCauses(view.name, label, split([image], [photograph], [label], tuple(CAUSES)))
-        for view, image, photograph, label in zip(views, images, photographs, labels, strict=True)
-    )
-    return SceneCauses(told_by, shares, each, note)

@@ -38,6 +38,9 @@ from .report_data import FrozenView, Rendering
 from .round_scores import LABEL_WIDTH, score_rounds
 from .scene_causes import SceneCauses, split_by_cause
 from .scene_report import write_scene_report
+from .surfaces.figures import SEEN_BY, geometry_lines, region_psnr, unseen_told
+from .surfaces.scene_surfaces import SceneSurfaces, surfaces_of
+from .surfaces.surface_scores import ArmFigures, arm_figures, geometry_figures
 from .trained_arms import train_arms
 
 
@@ -76,31 +79,40 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress, arms: Sequence[st
     train_arms(scene, progress, arms)
     scores: dict[str, ArmScore] = {}
     renderings: dict[str, dict[str, np.ndarray]] = {}
-    refined_depths: list[np.ndarray] = []
+    depths: dict[str, list[np.ndarray]] = {}
     captures = scene.read(CAPTURES)
     for arm in arms:
         source = ARMS[arm]
         pictures = renderings[arm] = {}
         asset = load_made(scene.path / source.asset)
         scores[arm] = score(
-            _renderer(asset, captures, refined_depths if arm == REFINED else []),
+            _renderer(asset, captures, depths.setdefault(arm, [])),
             views,
             keep=pictures.__setitem__,
             progress=progress,
             title=f"Scoring {source.label}",
         )
     rounds = score_rounds(scene, views, progress)
-    causes = _causes(scene, frozen, views, renderings[REFINED], refined_depths, progress)
+    images = {arm: [pictures[view.name] for view in views] for arm, pictures in renderings.items()}
+    surfaces = _surfaces(scene, frozen, views, progress)
+    causes: SceneCauses | str = surfaces if isinstance(surfaces, str) else ""
+    figures: dict[str, ArmFigures] = {}
+    if not isinstance(surfaces, str):
+        causes = split_by_cause(surfaces, views, images[REFINED], depths[REFINED])
+        figures = {arm: arm_figures(surfaces, views, images[arm], depths[arm]) for arm in arms}
+        figures[REFINED] = figures[REFINED].with_whole(geometry_figures(scene, surfaces, progress))
     metrics = write_metrics(
         scene.made_folder(scene.report_folder.name) / scene.metrics_file.name,
         scores,
+        figures,
         rounds=round_scores.as_entries(rounds),
         causes=scene_causes.as_entry(causes),
         assets=_scored(scene, arms),
     )
-    shown = _pictures(views, scores, renderings)
+    unseen = [] if isinstance(surfaces, str) else [~view.seen for view in surfaces.views]
+    shown = _pictures(views, scores, renderings, figures, unseen)
     split = report_causes(causes, scores[REFINED], shown)
-    write_scene_report(scene, scores, shown, rounds, split)
+    write_scene_report(scene, scores, shown, rounds, split, figures)
     return metrics
 
 
@@ -121,18 +133,26 @@ def frozen_views(scene: Scene, frozen: Path, progress: Progress = SILENT) -> tup
 
 def table(metrics: Mapping[str, Any]) -> str:
     """The arms' scores as lines for a terminal."""
-    lines = [f"{'':<{LABEL_WIDTH}}{'PSNR dB':>9}{'SSIM':>8}{'LPIPS':>8}"]
+    told = metrics["arms"][REFINED]
+    regions = SEEN_BY in told
+    head = f"{'':<{LABEL_WIDTH}}{'PSNR dB':>9}{'SSIM':>8}{'LPIPS':>8}"
+    lines = [head + (f"{'seen dB':>9}{'unseen dB':>11}" if regions else "")]
     for arm, source in ARMS.items():
         if arm not in metrics["arms"]:
             continue
         scored = metrics["arms"][arm]
         lpips = "n/a" if scored["lpips_alex"] is None else f"{scored['lpips_alex']:.3f}"
-        psnr = float("inf") if scored["psnr"] is None else scored["psnr"]
-        lines.append(f"{source.label:<{LABEL_WIDTH}}{psnr:>9.2f}{scored['ssim']:>8.3f}{lpips:>8}")
+        line = f"{source.label:<{LABEL_WIDTH}}{_psnr(scored['psnr']):>9}{scored['ssim']:>8.3f}{lpips:>8}"
+        seen, unseen = (_psnr(scored[kind]) if kind in scored else "-" for kind in ("psnr_seen", "psnr_unseen"))
+        lines.append(line + (f"{seen:>9}{unseen:>11}" if regions else ""))
     lines += round_scores.lines(metrics["rounds"])
-    count = len(metrics["arms"][REFINED]["views"])
-    lines += [f"mean over {count} frozen views", "", *scene_causes.lines(metrics["causes"])]
-    return "\n".join(lines)
+    lines.append(f"mean over {len(told['views'])} frozen views")
+    lines += [*filter(None, [unseen_told(told)]), *geometry_lines(told)]
+    return "\n".join([*lines, "", *scene_causes.lines(metrics["causes"])])
+
+
+def _psnr(value: float | None) -> str:
+    return f"{float('inf') if value is None else value:.2f}"
 
 
 def _scored(scene: Scene, arms: Sequence[str]) -> dict[str, str]:
@@ -156,34 +176,35 @@ def _renderer(
     return colour
 
 
-def _causes(
-    scene: Scene,
-    frozen: Path,
-    views: Sequence[Capture],
-    images: Mapping[str, np.ndarray],
-    asset_depths: Sequence[np.ndarray],
-    progress: Progress,
-) -> SceneCauses | str:
-    """The causes of the refined asset's error, or why they cannot be told."""
+def _surfaces(scene: Scene, frozen: Path, views: Sequence[Capture], progress: Progress) -> SceneSurfaces | str:
+    """What the views look at, or why that cannot be told."""
     try:
-        ordered = [images[view.name] for view in views]
-        return split_by_cause(scene, frozen, views, ordered, asset_depths, progress)
+        return surfaces_of(scene, frozen, views, progress)
     except R2SEgoError as error:
         return str(error)
 
 
 def _pictures(
-    views: Sequence[Capture], scores: Mapping[str, ArmScore], renderings: Mapping[str, Mapping[str, np.ndarray]]
+    views: Sequence[Capture],
+    scores: Mapping[str, ArmScore],
+    renderings: Mapping[str, Mapping[str, np.ndarray]],
+    figures: Mapping[str, ArmFigures],
+    unseen: Sequence[np.ndarray],
 ) -> tuple[FrozenView, ...]:
     by_name = {arm: {view.name: view for view in scored.views} for arm, scored in scores.items()}
+
+    def rendering(arm: str, name: str) -> Rendering:
+        found = by_name[arm][name]
+        of_view = figures[arm].views[name] if figures else {}
+        regions = (region_psnr(of_view, kind) for kind in ("psnr_seen", "psnr_unseen"))
+        return Rendering(arm, renderings[arm][name], found.psnr, found.ssim, *regions)
+
     return tuple(
         FrozenView(
             view.name,
             view.image(),
-            tuple(
-                Rendering(arm, renderings[arm][view.name], found[view.name].psnr, found[view.name].ssim)
-                for arm, found in by_name.items()
-            ),
+            tuple(rendering(arm, view.name) for arm in scores),
+            unseen[index] if unseen else None,
         )
-        for view in views
+        for index, view in enumerate(views)
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from ..geometry.proxy.proxy import PROXY, GeometryProxy, Provenance
 from ..results.status import robot_in_use, scores_hold
 from ..robot.rollouts.rollout import ROLLOUTS
 from ..views.selection import SELECTION, Selection
-from .arms import ARMS, strongest_baseline
+from .arms import ARMS, REFINED, strongest_baseline
 from .figures import camera_map, depth_picture, top_view
 from .frozen import ArmScore
 from .report import write_report
@@ -39,6 +40,8 @@ from .report_data import (
     Target,
 )
 from .round_scores import RoundScore, below
+from .surfaces.figures import geometry_lines, region_psnr, unseen_told
+from .surfaces.surface_scores import ArmFigures
 
 _STL_HEADER_BYTES, _STL_FACE_BYTES = 84, 50
 """Of a binary STL, as the collision surface is written."""
@@ -71,12 +74,14 @@ def write_scene_report(
     frozen: Sequence[FrozenView] = (),
     scored_rounds: Sequence[RoundScore] = (),
     error_split: ErrorSplit | None = None,
+    figures: Mapping[str, ArmFigures] = MappingProxyType({}),
 ) -> Path:
     """Write ``report/index.html`` from what the bundle holds, with scores where there are some."""
     declared = scene.declaration
     rounds = range(scene.rounds_of_result())
     last = scene.read(PROXY.of_round(rounds[-1])) if rounds else None
     reasons = [score.lpips_reason for score in (scores or {}).values()]
+    refined = figures[REFINED].whole if REFINED in figures else {}
     return write_report(
         scene.made_folder(scene.report_folder.name),
         ReportData(
@@ -92,9 +97,11 @@ def write_scene_report(
                 ("Preset", declared.preset),
                 ("Seed", str(declared.settings.seed)),
             ),
-            arms=tuple(_arm(key, score) for key, score in (scores or {}).items()),
+            arms=tuple(_arm(key, score, figures) for key, score in (scores or {}).items()),
             baseline=strongest_baseline({key: score.psnr for key, score in (scores or {}).items()}),
             lpips_reason=next(iter(reasons), ""),
+            unseen_told=unseen_told(refined),
+            geometry=tuple(geometry_lines(refined)),
             backends=tuple(_backend(slot, name) for slot, name in scene.backends.items()),
             scored_rounds=tuple(
                 ScoredRound(one.round, one.psnr, one.ssim, mark, one.missing)
@@ -113,8 +120,10 @@ def write_scene_report(
     )
 
 
-def _arm(key: str, score: ArmScore) -> Arm:
-    return Arm(key, ARMS[key].label, score.psnr, score.ssim, score.lpips_alex, ARMS[key].note)
+def _arm(key: str, score: ArmScore, figures: Mapping[str, ArmFigures]) -> Arm:
+    whole = figures[key].whole if key in figures else {}
+    regions = (region_psnr(whole, kind) for kind in ("psnr_seen", "psnr_unseen"))
+    return Arm(key, ARMS[key].label, score.psnr, score.ssim, score.lpips_alex, ARMS[key].note, *regions)
 
 
 def _backend(slot: str, name: str) -> Backend:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from ..core.atomic_files import write_whole
 from ..core.formatting import counted
+from ..evaluation.surfaces.figures import SEEN_BY
 from .capture_curve import catching_up, curve_figure, curves_of
 from .cells import Cell
 from .datasets.published import published_latex, published_markdown
+from .page import write_page
 from .plan import Plan
-from .records import Record
+from .records import Record, score_of
 from .score_table import KINDS, Measured, latex, markdown, rows_of, worth_of_views
 
 METRICS, MARKDOWN, LATEX, FIGURES = "metrics.json", "tables.md", "tables.tex", "figures"
@@ -33,6 +34,7 @@ def gather(plan: Plan, cells: Sequence[Cell], records: Mapping[Path, Record], fo
     notes = [
         *worth_of_views(rows),
         *filter(None, map(catching_up, curves.values())),
+        *_unseen(done),
         *_frozen(plan, cells),
         *_made_by(done),
     ]
@@ -43,19 +45,14 @@ def gather(plan: Plan, cells: Sequence[Cell], records: Mapping[Path, Record], fo
     (folder / FIGURES).mkdir(exist_ok=True)
     for (preset, scene), own in curves.items():
         write_whole(folder / FIGURES / f"captures-{preset}-{scene.replace(' ', '_')}.svg", curve_figure(own))
+    write_page(folder, done, len(cells), rows, [*curves.values()], notes)
 
 
 def _measured(cell: Cell, record: Record) -> Iterator[Measured]:
     for arm, scored in record.arms.items():
-        scores = {kind: scored[kind] for kind in KINDS if scored[kind] is not None}
-        scores["psnr"] = _psnr(scored)
-        views = {view["name"]: _psnr(view) for view in scored["views"]}
+        scores = {kind: value for kind in KINDS if (value := score_of(scored, kind)) is not None}
+        views = {view["name"]: value for view in scored["views"] if (value := score_of(view, "psnr")) is not None}
         yield Measured(cell.preset.name, cell.scene.name, cell.captures, cell.seed, arm, scores, views)
-
-
-def _psnr(scored: Mapping[str, Any]) -> float:
-    found = scored["psnr"]
-    return math.inf if found is None else float(found)
 
 
 def _entries(cell: Cell, record: Record) -> Iterator[dict[str, Any]]:
@@ -78,6 +75,21 @@ def _entries(cell: Cell, record: Record) -> Iterator[dict[str, Any]]:
     }
     for arm, scored in sorted(record.arms.items()):
         yield {**common, "arm": arm, **scored}
+
+
+def _unseen(done: Sequence[tuple[Cell, Record]]) -> Iterator[str]:
+    """The share of the frozen views' pixels that no capture saw, by counts, and by what that was told."""
+    found: dict[tuple[str, str, str], dict[int, list[float]]] = {}
+    for cell, record in done:
+        for arm in list(record.arms.values())[:1]:  # the same for all
+            if (share := arm.get("unseen")) is not None:
+                place = found.setdefault((cell.scene.name, cell.preset.name, arm.get(SEEN_BY, "")), {})
+                place.setdefault(cell.captures, []).append(share)
+    for (scene, preset, told_by), counts in found.items():
+        shares = ", ".join(
+            f"{sum(own) / len(own):.1%} with {counted(count, 'capture')}" for count, own in sorted(counts.items())
+        )
+        yield f"{scene}, {preset}: no capture saw {shares} of the frozen views' pixels, told by {told_by}."
 
 
 def _frozen(plan: Plan, cells: Sequence[Cell]) -> Iterator[str]:

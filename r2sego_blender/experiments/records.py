@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import platform
 import subprocess
@@ -17,9 +18,14 @@ from .. import __version__
 from ..core.atomic_files import write_whole
 from ..core.errors import ExperimentError
 from ..core.json_files import finite_number, read_json
+from ..evaluation.surfaces.figures import DEPTH_KINDS, REGION_KINDS, SEEN_BY, SURFACE_KINDS
 
 RECORD = "record.json"
 """The file in a cell's folder."""
+
+PICTURE_KINDS = ("psnr", "ssim", "lpips_alex")
+MEASURED_KINDS = (*REGION_KINDS, *DEPTH_KINDS, *SURFACE_KINDS)
+"""Of an arm and of each view: scores of whole pictures, and what surfaces tell, where it was measured."""
 
 _LARGEST = 1e15  # seconds, MB, dB: sums of them stay finite
 
@@ -103,11 +109,27 @@ def _known(value: Any) -> float | None:
     return None if value is None else _number(value)
 
 
+def score_of(scored: Mapping[str, Any], kind: str) -> float | None:
+    """A score of an arm or a view; None where it was not measured. A PSNR of null is that of equal images."""
+    if kind not in scored:
+        return None
+    value: float | None = scored[kind]
+    return math.inf if value is None and kind.startswith("psnr") else value
+
+
 def _scores(arm: Any) -> dict[str, Any]:
-    """An arm's scores and those of each view; a PSNR of None is that of equal images."""
-    kinds = ("psnr", "ssim", "lpips_alex")
-    views = [{"name": str(view["name"]), **{kind: _known(view.get(kind)) for kind in kinds}} for view in arm["views"]]
-    return {**{kind: _known(arm.get(kind)) for kind in kinds}, "views": views}
+    """An arm's scores and those of each view; a PSNR of None is that of equal images.
+
+    Of what surfaces tell, only what was measured is there.
+    """
+    views = [{"name": str(view["name"]), **_kinds(view)} for view in arm["views"]]
+    told = {SEEN_BY: str(arm[SEEN_BY])} if SEEN_BY in arm else {}
+    return {**_kinds(arm), **told, "views": views}
+
+
+def _kinds(scored: Any) -> dict[str, float | None]:
+    found = {kind: _known(scored.get(kind)) for kind in PICTURE_KINDS}
+    return found | {kind: _known(scored[kind]) for kind in MEASURED_KINDS if kind in scored}
 
 
 @cache

@@ -8,7 +8,7 @@ measured is in no figure, and nothing is interpolated.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,8 +16,10 @@ import numpy as np
 from ..core.formatting import latex_text, markdown_cell
 from ..core.intervals import CONFIDENCE, Interval, student_interval
 from ..evaluation.arms import ARMS, REFINED, WITHOUT_GENERATED, strongest_baseline
+from ..evaluation.surfaces.figures import RIGHT_DEPTH, SURFACE_TOLERANCE_M
+from .records import MEASURED_KINDS, PICTURE_KINDS
 
-KINDS = ("psnr", "ssim", "lpips_alex")
+KINDS = (*PICTURE_KINDS, *MEASURED_KINDS)
 ALL_SCENES = "all scenes"
 
 Scores = Mapping[str, float]
@@ -177,34 +179,47 @@ def worth_of_views(rows: Sequence[Row]) -> list[str]:
     return told
 
 
-_HEAD = ("scene", "captures", "arm", "PSNR, dB", "SSIM", "LPIPS", "SEM over views, dB", "seeds", "difference, dB")
+@dataclass(frozen=True)
+class Table:
+    """Words in rows: the first three columns are the row's scene, captures and arm. ``shows`` is what it has of a
+    preset, "" of the main table."""
+
+    preset: str
+    shows: str
+    head: tuple[str, ...]
+    cells: tuple[tuple[str, ...], ...]
+
+
+def tables_of(rows: Sequence[Row]) -> Iterator[Table]:
+    """A table of pictures' scores for each preset, and one of geometry where some was measured."""
+    for preset in dict.fromkeys(row.preset for row in rows):
+        own = [row for row in rows if row.preset == preset]
+        yield _table(preset, "", _columns(own), own)
+        measured = [row for row in own if any(kind in row.spreads for kind in _GEOMETRY)]
+        if measured:
+            kinds = [kind for kind in _GEOMETRY if any(kind in row.spreads for row in measured)]
+            yield _table(preset, "geometry", {_GEOMETRY[kind]: _of_kind(kind, 3) for kind in kinds}, measured)
 
 
 def markdown(rows: Sequence[Row], notes: Sequence[str]) -> str:
-    """A table for each preset, and what is to be known of them."""
+    """The tables, and what is to be known of them."""
     lines = []
-    for preset in dict.fromkeys(row.preset for row in rows):
-        own = [row for row in rows if row.preset == preset]
-        head = _head(own)
-        lines += [f"## {preset}", "", _line(head), _line(["---", "---", "---", *["---:"] * (len(head) - 3)])]
-        lines += [_line(_cells(row, len(head), "±")) for row in own]
-        lines.append("")
-    return "\n".join([*lines, *(f"- {note}" for note in [*_ABOUT, *notes])]) + "\n"
+    for table in tables_of(rows):
+        lines += [f"### {table.preset}, {table.shows}" if table.shows else f"## {table.preset}", "", _line(table.head)]
+        lines += [_line(["---", "---", "---", *["---:"] * (len(table.head) - 3)]), *map(_line, table.cells), ""]
+    return "\n".join([*lines, *(f"- {note}" for note in [*about(rows), *notes])]) + "\n"
 
 
 def latex(rows: Sequence[Row], notes: Sequence[str]) -> str:
-    """A tabular for each preset; what is to be known stands above them as comments."""
-    lines = [f"% {latex_text(note)}" for note in [*_ABOUT, *notes]]
-    for preset in dict.fromkeys(row.preset for row in rows):
-        own = [row for row in rows if row.preset == preset]
-        head = _head(own)
+    """A tabular for each table; what is to be known stands above them as comments."""
+    lines = [f"% {latex_text(note)}" for note in [*about(rows), *notes]]
+    for table in tables_of(rows):
         lines += [
-            f"% {latex_text(preset)}",
-            rf"\begin{{tabular}}{{@{{}}lrl{'r' * (len(head) - 3)}@{{}}}}",
+            f"% {latex_text(', '.join(filter(None, (table.preset, table.shows))))}",
+            rf"\begin{{tabular}}{{@{{}}lrl{'r' * (len(table.head) - 3)}@{{}}}}",
             r"  \toprule",
         ]
-        lines += [f"  {_row_of(head)}", r"  \midrule"]
-        lines += [f"  {_row_of(_cells(row, len(head), '±'))}" for row in own]
+        lines += [f"  {_row_of(table.head)}", r"  \midrule", *(f"  {_row_of(cells)}" for cells in table.cells)]
         lines += [r"  \bottomrule", r"\end{tabular}"]
     return "\n".join(lines) + "\n"
 
@@ -215,25 +230,68 @@ _ABOUT = (
     "Differences are paired by seed, to the stronger of the methods of others in the same scene and count.",
     f"Brackets are Student's {CONFIDENCE:.0%} interval, from two pairs on. Nothing is interpolated.",
 )
+_ABOUT_REGIONS = (
+    "Seen, unseen: PSNR of the pixels that some capture saw, and of those that none saw, means over the views with "
+    "such pixels."
+)
+_ABOUT_GEOMETRY = (
+    "Depth: median relative error of the asset's or the proxy's depth against the true room, and share of pixels "
+    f"within {RIGHT_DEPTH:.0%}; F: F-score at {100 * SURFACE_TOLERANCE_M:.0f} cm."
+)
+_REGIONS: Mapping[str, str] = {"psnr_seen": "seen, dB", "psnr_unseen": "unseen, dB"}
+_GEOMETRY: Mapping[str, str] = {
+    "depth_error": "depth error",
+    "depth_right": f"depth within {RIGHT_DEPTH:.0%}",
+    "proxy_depth_error": "proxy depth error",
+    "proxy_depth_right": f"proxy depth within {RIGHT_DEPTH:.0%}",
+    "proxy_fscore": "proxy F",
+    "collision_fscore": "collision F",
+}
+"""Columns by their kinds."""
+
+Column = Callable[[Row], str]
+"""What a column says of a row."""
 
 
-def _head(rows: Sequence[Row]) -> list[str]:
+def about(rows: Sequence[Row]) -> list[str]:
+    """What is to be known of the tables of any experiment."""
+    told = list(_ABOUT)
+    if any(kind in row.spreads for row in rows for kind in _REGIONS):
+        told.append(_ABOUT_REGIONS)
+    if any(kind in row.spreads for row in rows for kind in _GEOMETRY):
+        told.append(_ABOUT_GEOMETRY)
+    return told
+
+
+def _columns(rows: Sequence[Row]) -> dict[str, Column]:
+    """Of the main table, by their heads; regions where some were told, and another preset where there is one."""
+    columns = {"PSNR, dB": _of_kind("psnr", 2), "SSIM": _of_kind("ssim", 3), "LPIPS": _of_kind("lpips_alex", 3)}
+    if any(kind in row.spreads for row in rows for kind in _REGIONS):
+        columns |= {head: _of_kind(kind, 2) for kind, head in _REGIONS.items()}
+    columns["SEM over views, dB"] = lambda row: "-" if row.sem_db is None else f"{row.sem_db:.2f} ({row.views})"
+    columns["seeds"] = lambda row: str(len(row.by_seed))
+    columns["difference, dB"] = lambda row: _difference(row.difference)
     first = next((row.to_preset.to for row in rows if row.to_preset), None)
-    return [*_HEAD, *([f"difference to {first}, dB"] if first else [])]
+    if first is not None:
+        columns[f"difference to {first}, dB"] = lambda row: _difference(row.to_preset, named=False)
+    return columns
 
 
-def _cells(row: Row, columns: int, sign: str) -> list[str]:
-    of_kind = [_spread(row.spreads.get(kind), 2 if kind == "psnr" else 3, sign) for kind in KINDS]
-    sem = "-" if row.sem_db is None else f"{row.sem_db:.2f} ({row.views})"
-    cells = [row.scene, str(row.captures), row.label, *of_kind, sem, str(len(row.by_seed)), _difference(row.difference)]
-    return cells + [_difference(row.to_preset, named=False)] * (columns - len(cells))
+def _table(preset: str, shows: str, columns: Mapping[str, Column], rows: Sequence[Row]) -> Table:
+    cells = [(row.scene, str(row.captures), row.label, *(column(row) for column in columns.values())) for row in rows]
+    return Table(preset, shows, ("scene", "captures", "arm", *columns), tuple(cells))
 
 
-def _spread(spread: Spread | None, digits: int, sign: str) -> str:
+def _of_kind(kind: str, digits: int) -> Column:
+    return lambda row: spread_told(row.spreads.get(kind), digits)
+
+
+def spread_told(spread: Spread | None, digits: int) -> str:
+    """A mean and its deviation in words."""
     if spread is None:
         return "-"
     mean = f"{spread.mean:.{digits}f}" if math.isfinite(spread.mean) else "equal images"
-    return mean if spread.std is None else f"{mean} {sign} {spread.std:.{digits}f}"
+    return mean if spread.std is None else f"{mean} ± {spread.std:.{digits}f}"
 
 
 def _difference(difference: Difference | None, named: bool = True) -> str:

@@ -12,8 +12,9 @@ import numpy as np
 from ..bundle.scene import Scene
 from ..config.declared_files import Reader, did_you_mean
 from ..config.fields import fields_of
+from ..core.digests import content_digest
 from ..core.errors import SettingsError
-from ..core.json_files import write_json
+from ..core.json_files import opened_json, write_json
 from ..core.progress import SILENT, Progress
 from .dagger.settings import DaggerSettings
 from .packages import policy_package
@@ -72,7 +73,8 @@ def settings_of(overrides: Mapping[str, str]) -> DaggerSettings:
 def train_policy(task: Task, folder: Path, settings: DaggerSettings, progress: Progress = SILENT) -> Path:
     """Train a student in ``folder``, or go on with the training there; its ONNX file.
 
-    Raises as ``dagger.loop.train_student``.
+    Raises SettingsError where ``folder`` holds a training in another scene, seen through another asset or with
+    other chairs, and as ``dagger.loop.train_student``.
     """
     env = task.environment()
     from .dagger.bundle_episodes import BundleEpisodes
@@ -81,11 +83,32 @@ def train_policy(task: Task, folder: Path, settings: DaggerSettings, progress: P
 
     episodes = BundleEpisodes(env)
     folder.mkdir(parents=True, exist_ok=True)
-    where = {"scene": task.scene.name, "asset": Path(task.asset).name, "chairs": task.chairs}
-    write_json(folder / TRAINED_IN, {**where, "robot": Scene.open(task.scene).declaration.robot})
+    _begin_or_go_on(folder / TRAINED_IN, task)
     student = train_student(episodes, episodes, settings, folder, env.limits, progress)
     export_onnx(student, folder / STUDENT_ONNX)
     return folder / STUDENT_ONNX
+
+
+def _begin_or_go_on(file: Path, task: Task) -> None:
+    """Write down what the training whose ``file`` it is takes place in, or check that it is the same."""
+    scene = Scene.open(task.scene)
+    asset = Path(task.asset) if task.asset else scene.asset_file
+    said = {
+        "scene": task.scene.name,
+        "asset": asset.name,
+        "asset_sha256": content_digest(asset),
+        "collision_sha256": content_digest(scene.collision_folder),
+        "chairs": list(task.chairs),
+        "robot": scene.declaration.robot,
+    }
+    if not file.exists():
+        write_json(file, said)
+        return
+    with opened_json(file, SettingsError, "this is no training of a policy", "Give another folder.") as before:
+        others = [name for name, value in said.items() if before.get(name) != value]
+    if others:
+        what = f"its {' and '.join(others)} differ"
+        raise SettingsError(f"another training was begun here: {what}", where=file, cure="Give another folder.")
 
 
 def policy_outcomes(

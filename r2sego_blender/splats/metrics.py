@@ -18,7 +18,7 @@ def ssim_window() -> np.ndarray:
 
 
 def psnr(image: np.ndarray, reference: np.ndarray) -> float:
-    """Peak signal-to-noise ratio in dB of two (H, W, 3) images in [0, 1]; inf when equal."""
+    """Peak signal-to-noise ratio in dB of two images, or parts of them, (..., 3) in [0, 1]; inf when equal."""
     error = np.mean((np.asarray(image, np.float64) - reference) ** 2)
     return float("inf") if error == 0.0 else float(-10.0 * np.log10(error))
 

@@ -41,6 +41,11 @@ def test_a_policy_is_trained_once_and_evaluated(room, tmp_path):
     checkpoint = (folder / "checkpoint.npz").read_bytes()
     run("train", room, "--to", folder, *given)
     assert (folder / "checkpoint.npz").read_bytes() == checkpoint
+    other = CliRunner().invoke(
+        main, ["policy", "train", *map(str, (room, "--to", folder, *given, "--chairs", "stool"))]
+    )
+    assert other.exit_code == 1 and "trained_in.json" in other.output
+    assert (folder / "checkpoint.npz").read_bytes() == checkpoint
     told = json.loads(run("evaluate", room, "--policy", folder, "--episodes", 1, "--json"))
     assert told["episodes"] == 1 and told["successes"] + sum(told["failures"].values()) == 1
 

@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.core.cameras import Camera
@@ -14,6 +15,7 @@ from r2sego_blender.core.images import save_image
 from r2sego_blender.evaluation.frozen import ArmScore, ViewScore, score
 from r2sego_blender.evaluation.lpips import WEIGHTS_VARIABLE
 from r2sego_blender.evaluation.metrics_file import write_metrics
+from r2sego_blender.evaluation.surfaces.surface_scores import ArmFigures
 
 
 @pytest.fixture(autouse=True)
@@ -44,6 +46,27 @@ def test_a_constant_error_has_the_psnr_of_its_size(views):
     arm = score(lambda camera: by_place[float(camera.centre[2])] + 51 / 255, darker)
     assert arm.psnr == pytest.approx(20 * np.log10(5), abs=1e-5)
     assert [view.name for view in arm.views] == [view.name for view in darker]
+
+
+def test_scores_are_scikit_images(views):
+    """PSNR, and SSIM with the same window, over all pixels, with zeros outside the picture as 3DGS has them."""
+    truth = views[0].image().astype(np.float64)
+    changed = np.round(255.0 * np.clip(truth + np.random.default_rng(5).normal(0.0, 0.1, truth.shape), 0, 1)) / 255.0
+    found = score(lambda _: changed, views[:1])
+    assert found.psnr == pytest.approx(peak_signal_noise_ratio(truth, changed, data_range=1.0), abs=1e-5)
+    framed = [
+        np.pad(picture, ((10, 10), (10, 10), (0, 0))) for picture in (changed, truth)
+    ]  # beyond the window's reach
+    _, everywhere = structural_similarity(
+        *framed,
+        channel_axis=2,
+        gaussian_weights=True,
+        sigma=1.5,
+        use_sample_covariance=False,
+        data_range=1.0,
+        full=True,
+    )
+    assert found.ssim == pytest.approx(everywhere[10:-10, 10:-10].mean(), abs=1e-5)
 
 
 def test_an_error_in_one_corner_pixel_counts(views):
@@ -127,6 +150,15 @@ def test_further_parts_stand_beside_the_arms(tmp_path):
     assert json.loads(path.read_text()) == written
     assert written["rounds"] == rounds and set(written) == {"arms", "rounds", "causes"}
     assert written["arms"]["refined"]["psnr"] == 20.5
+
+
+def test_what_surfaces_tell_stands_in_the_arms_and_their_views(tmp_path):
+    figures = ArmFigures({"psnr_seen": 21.0, "seen_by": "a mesh"}, {f"frozen_0{i}": {"unseen": i} for i in (0, 1)})
+    written = write_metrics(tmp_path / "a.json", {"refined": arm(0.0), "initial": arm(1.0)}, {"refined": figures})
+    refined = written["arms"]["refined"]
+    assert (refined["psnr_seen"], refined["seen_by"], refined["psnr"]) == (21.0, "a mesh", 20.5)
+    assert [view["unseen"] for view in refined["views"]] == [0, 1]
+    assert "psnr_seen" not in written["arms"]["initial"]
 
 
 def test_equal_images_are_no_invalid_json(tmp_path):

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from html_page import Page
+from PIL import Image
 
+from r2sego_blender.core.errors import EvaluationError
+from r2sego_blender.evaluation.frozen_pictures import read_frozen_pictures
 from r2sego_blender.evaluation.report import write_report
 from r2sego_blender.evaluation.report_data import (
     Arm,
@@ -29,42 +32,6 @@ from r2sego_blender.evaluation.report_data import (
 )
 
 NASTY = '<script>alert("x")</script> & "room"'
-VOID = {"meta", "img", "input", "br", "line", "circle", "polyline", "polygon"}
-
-
-class Page(HTMLParser):
-    """Collects what the page refers to, and checks that its tags are balanced."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.images: list[dict] = []
-        self.references: list[str] = []
-        self.scripts = 0
-        self.ids: set[str] = set()
-        self.text = ""
-        self.feed(text)
-
-    def handle_starttag(self, tag, attrs):
-        found = dict(attrs)
-        self.scripts += tag == "script"
-        self.references += [found[key] for key in ("src", "href") if found.get(key)]
-        self.ids |= {found["id"]} if "id" in found else set()
-        if tag == "img":
-            self.images.append(found)
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag, attrs):
-        self.handle_starttag(tag, attrs)
-        if tag not in VOID:
-            self.open.pop()
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        self.text += data
 
 
 def image(value: float) -> np.ndarray:
@@ -192,6 +159,32 @@ def test_pictures_lie_beside_the_page_and_have_alt_texts(tmp_path, report):
         assert picture["alt"].strip()
         assert (tmp_path / picture["src"]).stat().st_size > 0
     assert {picture["src"] for picture in shown} == {f"figures/{p.name}" for p in (tmp_path / "figures").iterdir()}
+
+
+def test_what_no_capture_saw_lies_over_the_pictures_and_files_are_found_again(tmp_path, report):
+    mask = np.zeros((24, 32), bool)
+    mask[5:15, 8:20] = True
+    first, second = report.frozen
+    renderings = (replace(first.renderings[0], psnr_seen=27.5, psnr_unseen=13.25), *first.renderings[1:])
+    frozen = (replace(first, name="a b", renderings=renderings, unseen=mask), replace(second, name="a-b"))
+    text = write_report(tmp_path, replace(report, frozen=frozen, error_split=None)).read_text(encoding="utf-8")
+    assert "; seen 27.50, unseen 13.25" in text and "What no capture saw" in text
+    pictures = read_frozen_pictures(tmp_path / "frozen.json")
+    with Image.open(pictures["a b"].unseen) as drawn:
+        opacity = np.asarray(drawn.convert("RGBA"))[..., 3]
+    np.testing.assert_array_equal(opacity > 0, mask)
+    assert opacity[5, 10] == 255 > opacity[10, 12] > 0
+    assert pictures["a-b"].unseen is None and f'data-unseen="figures/{pictures["a b"].unseen.name}"' in text
+    assert len({place for view in pictures.values() for place in (view.truth, *view.arms.values())}) >= 4
+    write_report(tmp_path, replace(report, frozen=()))
+    assert not read_frozen_pictures(tmp_path / "frozen.json") and not list((tmp_path / "figures").glob("*.png"))
+
+
+@pytest.mark.parametrize("listed", ["[1]", '{"a": {"truth": "../x.jpg", "arms": {}, "unseen": ""}}', '{"a": {}}', ""])
+def test_a_list_of_pictures_that_lie_elsewhere_is_refused(tmp_path, listed):
+    (tmp_path / "frozen.json").write_text(listed)
+    with pytest.raises(EvaluationError, match=r"frozen\.json"):
+        read_frozen_pictures(tmp_path / "frozen.json")
 
 
 def test_nothing_comes_from_a_network_and_links_lead_somewhere(tmp_path, report):

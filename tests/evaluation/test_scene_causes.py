@@ -14,15 +14,10 @@ from r2sego_blender.config.presets import entries
 from r2sego_blender.evaluation.cause_figures import CAUSE_COLOURS, cause_picture, report_causes
 from r2sego_blender.evaluation.frozen import score
 from r2sego_blender.evaluation.report_data import FrozenView, Rendering
-from r2sego_blender.evaluation.scene_causes import (
-    CAUSES,
-    PROXY_ALONE,
-    TRUE_ROOM,
-    as_entry,
-    label_pixels,
-    lines,
-    split_by_cause,
-)
+from r2sego_blender.evaluation.scene_causes import CAUSES, as_entry, label_pixels, lines, split_by_cause
+from r2sego_blender.evaluation.surfaces.figures import PROXY_ALONE, TRUE_ROOM
+from r2sego_blender.evaluation.surfaces.regions import seen_by_captures
+from r2sego_blender.evaluation.surfaces.scene_surfaces import ViewSurface, surfaces_of
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 from r2sego_blender.splats.asset import SplatAsset
 
@@ -59,8 +54,10 @@ def planted() -> tuple[dict, np.ndarray]:
     return views, expected
 
 
-def labelled(**depths) -> np.ndarray:
-    return label_pixels(camera(), capture_cameras=[camera()], **depths)
+def labelled(proxy_depth, asset_depth, capture_depths, true_depth=None) -> np.ndarray:
+    known = proxy_depth if true_depth is None else true_depth
+    seen = seen_by_captures(camera(), known, [camera()], capture_depths)
+    return label_pixels(ViewSurface(proxy_depth, true_depth, seen), asset_depth)
 
 
 def test_each_cause_is_found_on_its_own_pixels():
@@ -147,7 +144,7 @@ def split_of(tmp_path, frozen=None, **changes):
         depths.append(depth)
         panels.append(panel)
     frozen = frozen or tmp_path / "cameras.json"
-    return split_by_cause(scene, frozen, views, images, depths), panels
+    return split_by_cause(surfaces_of(scene, frozen, views), views, images, depths), panels
 
 
 def test_the_true_room_tells_wrong_depth_and_shares_sum_to_one(tmp_path):

@@ -19,6 +19,7 @@ from r2sego_blender.core.errors import SceneError
 from r2sego_blender.evaluation import scene_evaluation, scene_report
 from r2sego_blender.evaluation.arms import ARMS, INITIAL, REFINED, SAME_POINTS, VANILLA, WITHOUT_GENERATED
 from r2sego_blender.evaluation.distinct_views import seen_in_training
+from r2sego_blender.evaluation.frozen_pictures import FROZEN_PICTURES
 from r2sego_blender.evaluation.report_data import Round
 from r2sego_blender.evaluation.scene_causes import CAUSES
 from r2sego_blender.results.status import lines
@@ -69,6 +70,16 @@ def test_rounds_and_causes_are_in_the_file_the_page_and_the_table(evaluated):
     for cause in CAUSES.values():
         assert cause.label in page
     assert len(list((scene.report_folder / "figures").glob("causes-*.jpg"))) == 3
+
+    for one in (metrics["arms"]["refined"], *metrics["arms"]["refined"]["views"]):
+        assert one["psnr_seen"] == pytest.approx(one["psnr"], abs=0.1) and 0.0 <= one["unseen"] < 0.1
+    assert metrics["arms"]["refined"]["seen_by"] == "the proxy alone"
+    pictures = scene.read(FROZEN_PICTURES)
+    assert list(pictures) == [view["name"] for view in metrics["arms"]["refined"]["views"]]
+    for view in pictures.values():
+        assert set(view.arms) == set(metrics["arms"])
+        for file in (view.truth, *view.arms.values(), view.unseen):
+            assert file.stat().st_size > 0
 
     table = scene_evaluation.table(metrics)
     assert mark in table and "told by the proxy alone" in table

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,7 +12,15 @@ from scipy import stats
 
 from r2sego_blender.evaluation.arms import REFINED, SAME_POINTS, VANILLA, WITHOUT_GENERATED
 from r2sego_blender.experiments.capture_curve import catching_up, curve_figure, curves_of
-from r2sego_blender.experiments.score_table import ALL_SCENES, Measured, latex, markdown, rows_of, worth_of_views
+from r2sego_blender.experiments.score_table import (
+    ALL_SCENES,
+    Measured,
+    latex,
+    markdown,
+    rows_of,
+    tables_of,
+    worth_of_views,
+)
 
 psnrs = st.lists(st.floats(5.0, 50.0), min_size=5, max_size=5)
 
@@ -107,6 +117,30 @@ def test_markdown_and_latex_have_a_row_for_each_and_escape_names():
     cells = [line.count("&") for line in tex.splitlines() if line.rstrip().endswith(r"\\")]
     assert cells == [8] * 3 and r"a\_b|c" in tex and r"% 100 \% of it" in tex
     assert tex.count(r"\begin{tabular}") == tex.count(r"\end{tabular}") == 1
+
+
+def test_regions_and_geometry_have_columns_and_a_table_where_some_were_measured():
+    plain = [measured(VANILLA, seed, 20.0) for seed in (0, 1)]
+    assert not {"seen", "geometry"} & set(markdown(rows_of(plain), ()).replace(",", " ").split())
+    figures = [{"psnr_seen": 26.0 + seed, "psnr_unseen": 15.0, "proxy_fscore": 0.8 + 0.1 * seed} for seed in (0, 1)]
+    told = [
+        replace(one, scores={**one.scores, **figures[one.seed]}) for one in (measured(REFINED, s, 24.0) for s in (0, 1))
+    ]
+    rows = rows_of([*plain, *told])
+    main, geometry = tables_of(rows)
+    assert main.head[6:8] == ("seen, dB", "unseen, dB") and geometry.head[3:] == ("proxy F",)
+    by_arm = {cells[2]: cells for cells in main.cells}
+    assert by_arm["refined"][6:8] == ("26.50 ± 0.71", "15.00 ± 0.00") and by_arm["vanilla 3DGS"][6:8] == ("-", "-")
+    assert [cells[2:] for cells in geometry.cells] == [("refined", "0.850 ± 0.071")]
+    table, tex = markdown(rows, ()), latex(rows, ())
+    assert "### paper, geometry" in table and tex.count(r"\begin{tabular}") == 2
+    assert "Seen, unseen" in table and "F-score" in table and "Seen, unseen" in tex
+
+
+def test_a_seed_that_lacks_a_figure_leaves_it_out_of_the_row():
+    whole = measured(REFINED, 0, 24.0)
+    rows = rows_of([replace(whole, scores={**whole.scores, "psnr_unseen": 15.0}), measured(REFINED, 1, 25.0)])
+    assert "psnr_unseen" not in row(rows, REFINED).spreads
 
 
 def curve(*by_count):

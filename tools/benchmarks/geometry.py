@@ -38,7 +38,7 @@ from r2sego_blender.refine.steps import Steps
 from r2sego_blender.splats.artifacts import INITIAL_ASSET
 
 from .disturbance import disturbed_captures
-from .geometry_scores import depth_score, surface_score
+from .geometry_scores import depth_score, mesh_score
 from .machine import processor
 from .true_objects import TrueObject, declare_true_objects
 
@@ -281,7 +281,7 @@ def _stereo_scores(bundle: Scene, truth: GroundTruth) -> dict[str, float]:
 def _proxy_scores(bundle: Scene, truth: GroundTruth, seed: int) -> dict[str, float]:
     proxy = bundle.read(PROXY.of_round(0))
     rng = np.random.default_rng([seed, _SCORING])
-    score = surface_score(proxy.vertices, proxy.faces, truth.transformed(_world_from_capture(bundle)), rng)
+    score = mesh_score(proxy.vertices, proxy.faces, truth.transformed(_world_from_capture(bundle)), rng)
     return {f"proxy_{name}": value for name, value in vars(score).items()}
 
 

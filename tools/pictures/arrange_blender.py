@@ -69,11 +69,22 @@ def wipe():
         bpy.ops.r2sego.dismiss_job()
 
 
+def policy():
+    """Where the episodes of a policy began, by how they ended, and one of them on the timeline."""
+    bpy.ops.r2sego.show_proxy()
+    bpy.ops.r2sego.show_policy_starts()
+    bpy.ops.r2sego.show_policy_episode(episode=0)
+    scene = bpy.context.scene
+    scene.frame_set(round(scene.frame_start + ROLLOUT_SHARE * (scene.frame_end - scene.frame_start)))
+    yield SETTLED_S
+
+
 PICTURES = {
     "proxy": (proxy, {"proxy", "views", "views_candidate"}),
     "support_gap": (support_gap, {"proxy", "robot"}),
     "splats": (splats, {"scene", "asset", "asset_preview"}),
     "wipe": (wipe, {"asset", "asset_render"}),
+    "policy": (policy, {"robot", "policy"}),
 }
 """What each picture shows, and which sub-panels are open in it."""
 
@@ -83,7 +94,12 @@ def install(opened):
     bpy.context.preferences.view.show_splash = False
     bpy.ops.extensions.package_install_files(filepath=ZIP, repo="user_default", enable_on_install=True, overwrite=True)
     bpy.context.preferences.addons["bl_ext.user_default.r2sego"].preferences.engine_python = ENGINE
-    steps = [cls for cls in drawn_buttons.panels() if cls.bl_idname != "R2SEGO_PT_main"]
+    panels = {cls.bl_idname: cls for cls in drawn_buttons.panels()}
+
+    def depth(cls):
+        return 1 + depth(panels[cls.bl_parent_id]) if getattr(cls, "bl_parent_id", "") in panels else 0
+
+    steps = sorted((cls for name, cls in panels.items() if name != "R2SEGO_PT_main"), key=depth)
     for cls in reversed(steps):
         bpy.utils.unregister_class(cls)
     for cls in steps:

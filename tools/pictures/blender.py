@@ -3,7 +3,8 @@
 BLENDER=/path/to/blender python -m tools.pictures.blender build/demo_room.r2s [NAME ...]
 
 The window stands on a display of its own, as in the window tests, with the add-on as it is now.
-``arrange_blender.py`` arranges each picture inside Blender; names choose some of its PICTURES.
+``arrange_blender.py`` arranges each picture inside Blender; names choose some of its PICTURES. That of a policy
+needs `r2sego policy evaluate SCENE --policy FOLDER --record SCENE/robot/policy` before.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ PICTURES = HERE.parents[1] / "docs" / "pictures"
 sys.path.insert(0, str(HERE.parents[1] / "tests" / "window"))
 import display  # noqa: E402  found in the window tests
 
-ALL = ("proxy", "support_gap", "splats", "wipe")
+ALL = ("proxy", "support_gap", "splats", "wipe", "policy")
 SIZE_PX = (1400, 900)
 MOST_KB = 150
 

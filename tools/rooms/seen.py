@@ -7,22 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from r2sego_blender.core.cameras import Camera
-
-_NEAR_M, _NEAR_SHARE = 0.02, 0.02
-"""Two depths of one place may differ by this and by this share: pixels are wide where a floor is seen flatly."""
-
-
-def seen_by(points: np.ndarray, camera: Camera, depth: np.ndarray) -> np.ndarray:
-    """(...,) bool: whether a camera sees world points (..., 3) of the surface of which its planar ``depth`` (H, W) is.
-
-    A depth of 0 is no surface, and hides nothing nor shows anything.
-    """
-    pixels, z = camera.project(points)
-    inside = camera.sees(pixels, z)
-    column, row = np.where(inside[..., None], pixels, 0.0).astype(int).transpose(-1, *range(inside.ndim))
-    there = depth[row, column]
-    seen: np.ndarray = inside & (there > 0.0) & (np.abs(there - z) <= _NEAR_M + _NEAR_SHARE * z)
-    return seen
+from r2sego_blender.evaluation.surfaces.regions import seen_by, seen_by_captures
 
 
 def overlap_share(cameras: Sequence[Camera], depths: Sequence[np.ndarray]) -> float:
@@ -46,10 +31,7 @@ def support_gap(
     """The share of the frozen views' pixels with a surface whose place no capture sees."""
     missed, all_pixels = 0, 0
     for camera, depth in zip(frozen, frozen_depths, strict=True):
-        points = camera.unproject(depth)[depth > 0.0]
-        seen = np.zeros(len(points), bool)
-        for capture, capture_depth in zip(captures, depths, strict=True):
-            seen |= seen_by(points, capture, capture_depth)
-        missed += int((~seen).sum())
-        all_pixels += len(points)
+        surface = depth > 0.0
+        missed += int((surface & ~seen_by_captures(camera, depth, captures, depths)).sum())
+        all_pixels += int(surface.sum())
     return missed / max(all_pixels, 1)

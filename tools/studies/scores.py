@@ -15,11 +15,12 @@ from r2sego_blender.evaluation.exposed_rendering import as_exposed
 from r2sego_blender.evaluation.frozen import score
 from r2sego_blender.evaluation.ground_truth import GroundTruth
 from r2sego_blender.evaluation.scene_evaluation import frozen_views
+from r2sego_blender.evaluation.surfaces.geometry_errors import within
 from r2sego_blender.geometry.estimators.aligned_depth import ESTIMATED
 from r2sego_blender.geometry.proxy.proxy import PROXY
 from r2sego_blender.geometry.room.completed_depth import COMPLETED, DepthSource
 from r2sego_blender.splats.artifacts import REFINED_ASSET
-from tools.benchmarks.geometry_scores import surface_score
+from tools.benchmarks.geometry_scores import mesh_score
 
 from .disturbed_depth import mean_relative_error
 
@@ -29,19 +30,6 @@ _SCORING = 0  # the benchmarks' stream of random numbers for it
 _TO_SIGMA = 1.4826  # of a median absolute deviation
 _TOLERANCES = (0.05, 0.10)
 _ROUNDS, _LEAST_ERROR = 15, 1e-3
-
-
-def within(found: Maps, true: Maps, tolerance: float) -> float:
-    """The share of the pixels with a true depth whose depth lies within ``tolerance`` of it, relative.
-
-    Maps (H, W) in metres, one size a pair, 0 unknown; a pixel that nothing is known of is off. 0 without any truth.
-    """
-    right = known = 0
-    for depth, truth in zip(found, true, strict=True):
-        seen = truth > 0.0
-        right += int((np.abs(depth[seen] - truth[seen]) <= tolerance * truth[seen]).sum())
-        known += int(seen.sum())
-    return right / max(known, 1)
 
 
 def calibration(depths: Maps, sigmas: Maps, true: Maps) -> dict[str, float]:
@@ -136,7 +124,7 @@ def proxy_scores(bundle: Scene, truth: GroundTruth) -> dict[str, float]:
     """Of the first round's proxy: precision, recall and F-score at 5 cm, the median error in metres."""
     proxy = bundle.read(PROXY.of_round(0))
     rng = np.random.default_rng([bundle.declaration.settings.seed, _SCORING])
-    return dict(vars(surface_score(proxy.vertices, proxy.faces, _in_world(bundle, truth), rng)))
+    return dict(vars(mesh_score(proxy.vertices, proxy.faces, _in_world(bundle, truth), rng)))
 
 
 def view_scores(bundle: Scene, cameras: Path) -> dict[str, float]:

@@ -22,6 +22,6 @@ def looked_up(
     return inside, depth[inside], *(image[rows, columns] for image in images)
 
 
-def same_depth(shown: np.ndarray, depth: np.ndarray, tolerance: float) -> np.ndarray:
-    """(n,) bool: where an image's depth is that of the point there, within ``tolerance``, relative."""
+def same_depth(shown: np.ndarray, depth: np.ndarray, tolerance: float | np.ndarray) -> np.ndarray:
+    """(n,) bool: where an image's depth is that of the point there, within ``tolerance``, relative, one or (n,)."""
     return np.abs(shown - depth) < tolerance * depth

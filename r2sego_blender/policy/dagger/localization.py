@@ -9,30 +9,36 @@ import numpy as np
 import torch
 from torch.nn import functional
 
-from ..student.network import Student
+from ..student.network import PLACE_M, Student
 from .episodes import Episode
-from .losses import PLACE_M, SMALL, seat_loss
+from .losses import SMALL, seat_loss
 from .settings import DaggerSettings
 
 _WARM_UP_UPDATES = 100
 
 
 def localize(
-    student: Student, optimizer: torch.optim.Adam, episodes: Sequence[Episode], settings: DaggerSettings, epoch: int
+    student: Student,
+    optimizer: torch.optim.Adam,
+    episodes: Sequence[Episode],
+    settings: DaggerSettings,
+    epoch: int,
+    rates: tuple[float, float],
 ) -> Iterator[tuple[int, dict[str, float]]]:
     """One pass of all pictures: after each update, how many are done, its loss and how far off it is.
 
-    The order comes of the settings' seed and the epoch alone; the learning rate falls to 0 over all passes.
+    The order comes of the settings' seed and the epoch alone; the learning rate goes from the first of ``rates``,
+    shares of the settings', to the second.
     """
     rng = np.random.default_rng([settings.seed, epoch, 0xE7E])
     steps = np.array([(number, step) for number, episode in enumerate(episodes) for step in range(len(episode))])
     updates = math.ceil(len(steps) / settings.pictures)
     student.train()
     for update, batch in enumerate(np.array_split(rng.permutation(steps), updates)):
-        done = (epoch + update / updates) / settings.eye_epochs
         warm = min(1.0, (1 + update + epoch * updates) / _WARM_UP_UPDATES)
+        share = rates[0] + (rates[1] - rates[0]) * update / updates
         for group in optimizer.param_groups:
-            group["lr"] = settings.learning_rate * warm * (1.0 - done)
+            group["lr"] = settings.learning_rate * warm * share
         pictures, base_poses, seat = (
             torch.from_numpy(np.stack([getattr(episodes[number], part)[step] for number, step in batch]))
             for part in ("pictures", "base_poses", "seat")

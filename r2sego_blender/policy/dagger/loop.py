@@ -27,6 +27,8 @@ from .settings import DaggerSettings
 
 CHECKPOINT = "checkpoint.npz"
 _VIEWS_A_FILE = 250
+# The eye that learns on takes one of so many views, others each time, at this share of the first learning rate.
+_VIEWS_APART, _LATER_RATE = 4, 0.5
 
 
 def train_student(
@@ -50,11 +52,9 @@ def train_student(
         log = writer.SummaryWriter(str(folder / "logs"), purge_step=run.place.updates)
         stack.callback(log.close)
         run.collect_views(progress)
-        run.collect(0, progress, log)
-        run.learn_to_see(progress, log)
         for iteration in range(run.place.iteration, settings.iterations + 1):
-            if iteration > 0:
-                run.collect(iteration, progress, log)
+            run.collect(iteration, progress, log)
+            run.learn_to_see(iteration, progress, log)
             run.learn(iteration, progress, log)
     return run.student.eval()
 
@@ -143,23 +143,35 @@ class _Run:
         log.add_scalar("episodes/teacher_share", beta, self.place.updates)
         log.add_scalar("episodes/mean_assist_n", evaluation.mean_assist_n, self.place.updates)
 
-    def learn_to_see(self, progress: Progress, log: Any) -> None:
-        """Let the eye learn where it is, from the views and the teacher's episodes; it stays so from then on."""
-        if self.place != Place() and self.place.eye_epochs >= self.settings.eye_epochs:
+    def learn_to_see(self, iteration: int, progress: Progress, log: Any) -> None:
+        """Let the eye learn where it is: first from the views and the teacher's episodes, and after each later
+        iteration from all episodes, where the student stands as it will, and from some of the views."""
+        wanted = self.settings.eye_passes(iteration)
+        if self.place != Place() and self.place.eye_epochs >= wanted:
             return  # what it learns from is not opened again
         views = [self.views[number] for number in range(len(self._view_seeds()))]
-        taught = [self.store[number] for number in range(self.count(0))]
+        acted = [self.store[number] for number in range(self.count(iteration))]
         if self.place == Place():
-            scale(self.student, taught, views)
-        everything = [*views, *taught]
-        with progress.task(
-            "Seeing", (self.settings.eye_epochs - self.place.eye_epochs) * sum(map(len, everything))
-        ) as task:
-            for epoch in range(self.place.eye_epochs, self.settings.eye_epochs):
-                steps = localize(self.student, self.optimizer, everything, self.settings, epoch)
+            scale(self.student, acted, views)
+        if iteration > 0:
+            views = views[iteration % _VIEWS_APART :: _VIEWS_APART]
+            self.seen.clear()  # it sees them otherwise now
+        first = self.settings.eye_passes(iteration - 1) if iteration > 0 else 0
+        everything = [*views, *acted]
+        left = wanted - self.place.eye_epochs
+        with progress.task(f"Seeing {iteration}/{self.settings.iterations}", left * sum(map(len, everything))) as task:
+            for epoch in range(self.place.eye_epochs, wanted):
+                rates = self._eye_rates(epoch, first, wanted)
+                steps = localize(self.student, self.optimizer, everything, self.settings, epoch, rates)
                 means = self._pass(steps, task, log)
                 self._keep(replace(self.place, eye_epochs=epoch + 1))
-                progress.message(f"pass {epoch + 1}/{self.settings.eye_epochs} of the eye: {means}")
+                progress.message(f"pass {epoch + 1}/{wanted} of the eye: {means}")
+
+    def _eye_rates(self, epoch: int, first: int, wanted: int) -> tuple[float, float]:
+        """Shares of the learning rate at the beginning and the end of a pass: they fall to 0, from less later."""
+        highest = 1.0 if first == 0 else _LATER_RATE
+        share = [1.0 - (number - first) / (wanted - first) for number in (epoch, epoch + 1)]
+        return highest * share[0], highest * share[1]
 
     def learn(self, iteration: int, progress: Progress, log: Any) -> None:
         """Pass over all episodes as often as is left to do after ``iteration``, and keep each pass."""

@@ -7,13 +7,10 @@ from collections.abc import Mapping
 import torch
 from torch.nn import functional
 
-from ..student.network import LEVELS
+from ..student.network import LEVELS, PLACE_M
 
 SMALL = 0.1
 """Errors beyond it, shares of a command's limit or of ``PLACE_M``, count by their size, not its square."""
-
-PLACE_M = 2.0
-"""Places and distances are learnt as multiples of it."""
 
 
 def two_hot(commands: torch.Tensor) -> torch.Tensor:

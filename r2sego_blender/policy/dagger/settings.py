@@ -15,7 +15,10 @@ class DaggerSettings:
     teacher_episodes: int = setting(100, "Episodes that the teacher drives.", 1, 100_000)
     views: int = setting(24_000, "Pictures with any heading, half of them from around the target.", 1, 10_000_000)
     eye_epochs: int = setting(
-        6, "Passes in which the eye learns where it is, from views and the teacher's episodes.", 0, 1000
+        5, "Passes in which the eye learns where it is, from views and the teacher's episodes.", 0, 1000
+    )
+    later_eye_epochs: int = setting(
+        1, "Passes of the eye after each later iteration, over all episodes and a quarter of the views.", 0, 1000
     )
     iterations: int = setting(5, "Times that the student acts and learns again, after the teacher's episodes.", 0, 1000)
     episodes: int = setting(32, "Episodes of each iteration.", 1, 100_000)
@@ -25,7 +28,7 @@ class DaggerSettings:
     mixed_iterations: int = setting(2, "Iterations in which the teacher drives at all.", 0, 1000)
     turns_steps: int = setting(10, "Teacher and student drive for so many steps at a time.", 1, 10_000)
     epochs: int = setting(
-        30, "Passes over all episodes after each iteration, while the learning rate falls to 0.", 1, 10_000
+        24, "Passes over all episodes after each iteration, while the learning rate falls to 0.", 1, 10_000
     )
     pictures: int = setting(32, "Pictures of a batch that the eye learns from.", 1, 4096)
     sequences: int = setting(16, "Episodes that a batch walks through side by side.", 1, 1024)
@@ -40,6 +43,10 @@ class DaggerSettings:
         if iteration == 0:
             return 1.0
         return self.teacher_share * max(0.0, 1.0 - (iteration - 1) / max(1, self.mixed_iterations))
+
+    def eye_passes(self, iteration: int) -> int:
+        """Passes of the eye in all, once that of ``iteration`` are made."""
+        return self.eye_epochs + iteration * self.later_eye_epochs
 
     def rate(self, done: float) -> float:
         """The learning rate when the share ``done`` of the passes of an iteration is made: who acts has settled."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import torch
@@ -18,7 +19,13 @@ FEATURES = 160
 LEVELS = 21
 """Of each command, from -1 to 1."""
 
+PLACE_M = 2.0
+"""Places and distances are learnt as multiples of it."""
+
 _BODY, _STATE, _HIDDEN = 64, 192, 128
+# A place is told to the memory by waves of 8 m and five halvings, a heading by its multiples 1, 2, 4 and 8: a few
+# centimetres decide before a seat, and networks learn what is fine from such features (Tancik et al. 2020).
+_LONGEST_WAVE_M, _OCTAVES, _TURNS = 8.0, 6, 4
 # Proprioception farther from its mean than this many deviations says no more.
 _MOST_DEVIATIONS = 5.0
 
@@ -72,8 +79,9 @@ class Student(nn.Module):
         where = 4 + SEAT_TARGETS
         self.localizer = nn.Sequential(nn.Linear(FEATURES, 96), nn.ReLU(), nn.Linear(96, where))
         self.body = nn.Sequential(nn.Linear(proprio_size, _BODY), nn.ReLU())
-        self.memory = nn.GRU(FEATURES + where + _BODY, _STATE, batch_first=True)
-        known = _STATE + FEATURES + where + _BODY
+        now = FEATURES + where + 4 * _OCTAVES + 2 * _TURNS + _BODY
+        self.memory = nn.GRU(now, _STATE, batch_first=True)
+        known = _STATE + now
         self.action = nn.Sequential(nn.Linear(known, _HIDDEN), nn.ReLU(), nn.Linear(_HIDDEN, 3 * LEVELS + 1))
         self.seat = nn.Linear(known, SEAT_TARGETS)
 
@@ -95,7 +103,8 @@ class Student(nn.Module):
         """What it says of features (B, T, FEATURES), ``proprio`` (B, T, P) float32 and ``state`` (B, S)."""
         scaled = (proprio - self.proprio_mean) / self.proprio_deviation
         felt = self.body(scaled.clamp(-_MOST_DEVIATIONS, _MOST_DEVIATIONS))
-        now = torch.cat([seen, self.localizer(seen).detach(), felt], dim=2)
+        where = self.localizer(seen).detach()
+        now = torch.cat([seen, where, fourier_features(where[..., :4]), felt], dim=2)
         remembered, last = self.memory(now, state[None])
         known = torch.cat([remembered, now], dim=2)
         said = self.action(known)
@@ -105,6 +114,17 @@ class Student(nn.Module):
     def forward(self, rgb: torch.Tensor, proprio: torch.Tensor, state: torch.Tensor) -> Output:
         """What it says of ``rgb`` (B, T, 96, 128, 3) uint8, ``proprio`` (B, T, P) float32 and ``state`` (B, S)."""
         return self.follow(self.see(rgb.flatten(0, 1)).unflatten(0, rgb.shape[:2]), proprio, state)
+
+
+def fourier_features(pose: torch.Tensor) -> torch.Tensor:
+    """Fourier features (..., 4 * _OCTAVES + 2 * _TURNS) of ``pose`` (..., 4), what the localizer says first."""
+    waves = torch.cat([pose[..., :2] * (math.tau * PLACE_M / _LONGEST_WAVE_M * 2**n) for n in range(_OCTAVES)], dim=-1)
+    length = (pose[..., 2:] ** 2).sum(dim=-1, keepdim=True).clamp_min(1e-6).sqrt()
+    turns = [pose[..., 2:] / length]
+    for _ in range(_TURNS - 1):
+        cos, sin = turns[-1][..., :1], turns[-1][..., 1:]
+        turns.append(torch.cat([cos * cos - sin * sin, 2.0 * cos * sin], dim=-1))
+    return torch.cat([waves.sin(), waves.cos(), *turns], dim=-1)
 
 
 class Acting(nn.Module):

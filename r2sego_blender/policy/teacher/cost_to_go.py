@@ -12,7 +12,7 @@ from ...robot.planning.navigation import line_is_free
 
 # A cell at the edge of the free floor costs this much more than one in the open, and one that is not free
 # more than any way around: who stands there goes back to the free floor first.
-_EDGE_COST, _EDGE_REACH_M = 2.0, 0.25
+_EDGE_COST, _EDGE_REACH_M = 3.0, 0.35
 _NOT_FREE_COST = 200.0
 
 

@@ -43,7 +43,7 @@ _UPRIGHT = 0.88
 _ARRIVED_M, _NEAR_M, _LEFT_M = 0.12, 0.3, 0.9
 # Who is so near to the place before the seat, and so far turned away from it, steps there without turning round.
 _STEP_THERE_M, _STEP_THERE_RAD = 0.6, 1.2
-_TURNED_RAD, _LATERAL_M = 0.06, 0.04
+_TURNED_RAD, _LATERAL_M = 0.12, 0.08
 # Backing up is given up beyond these, and begun from within their halves.
 _ASTRAY_RAD, _ASTRAY_M = 0.35, 0.16
 _BEFORE_SEAT_M, _LEFT_SEAT_M = 0.05, 0.1

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from r2sego_blender.policy.environment.state import PrivilegedState
-from r2sego_blender.policy.student.network import Acting, Student
+from r2sego_blender.policy.student.network import PLACE_M, Acting, Student, fourier_features
 from r2sego_blender.policy.student.onnx_export import INPUTS, OUTPUTS, export_onnx
 from r2sego_blender.policy.student.targets import PICTURE_SHAPE, seat_target
 from r2sego_blender.robot.behaviours.trajectory import Seat
@@ -51,6 +51,21 @@ def test_frame_by_frame_it_says_what_it_says_of_the_sequence(student):
         carried = student(rgb[:, 4:], proprio[:, 4:], first.state)
     torch.testing.assert_close(carried.commands, whole.commands[:, 4:])
     assert (carried.commands - second.commands).abs().max() > 1e-4
+
+
+@given(
+    st.tuples(*[st.floats(-3.0, 3.0)] * 2), st.floats(-math.pi, math.pi), st.floats(0.1, 3.0), st.floats(-0.03, 0.03)
+)
+def test_a_place_is_told_finely_and_a_heading_whatever_its_length(place_m, yaw_rad, length, aside_m):
+    heading = length * math.cos(yaw_rad), length * math.sin(yaw_rad)
+    poses = [(x / PLACE_M, place_m[1] / PLACE_M, *heading) for x in (place_m[0], place_m[0] + aside_m)]
+    found = fourier_features(torch.tensor(poses, dtype=torch.float64)).numpy()
+    waves = np.outer(2.0 ** np.arange(6) * math.tau / 8.0, place_m).ravel()
+    turns = np.outer((1, 2, 4, 8), (yaw_rad,)).ravel()
+    wanted = [*np.sin(waves), *np.cos(waves), *np.stack([np.cos(turns), np.sin(turns)], axis=1).ravel()]
+    np.testing.assert_allclose(found[0], wanted, atol=1e-9)
+    # A centimetre moves them together by a fifth and more: more than what is noise to a network.
+    assert np.linalg.norm(found[1] - found[0]) >= 20.0 * abs(aside_m) - 1e-9
 
 
 def test_onnx_says_what_torch_says_over_a_sequence(student, tmp_path: Path):

@@ -12,16 +12,17 @@ from scipy.spatial.transform import Rotation
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import EvaluationError
 from r2sego_blender.evaluation.ground_truth import GroundTruth, TrueView
+from r2sego_blender.evaluation.surfaces.geometry_errors import Surface
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 from tools.benchmarks import geometry_scores
-from tools.benchmarks.geometry_scores import Surface, alignment_score, chamfer_distance_m, depth_score, surface_score
+from tools.benchmarks.geometry_scores import alignment_score, chamfer_distance_m, depth_score, mesh_score
 
 
 @pytest.fixture(scope="module", autouse=True)
 def fewer_samples():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(geometry_scores, "_PROXY_SAMPLES", 30_000)
-        patch.setattr(geometry_scores, "_TRUTH_SAMPLES", 60_000)
+        patch.setattr(geometry_scores, "FOUND_SAMPLES", 30_000)
+        patch.setattr(geometry_scores, "TRUE_SAMPLES", 60_000)
         patch.setattr(geometry_scores, "_PRIOR_SAMPLES", 5_000)
         yield
 
@@ -90,55 +91,6 @@ def test_maps_without_a_counterpart_are_refused():
 # ---- surfaces
 
 
-def test_distances_equal_brute_force():
-    generator = np.random.default_rng(7)
-    mesh = trimesh.creation.icosphere(subdivisions=2, radius=0.4)
-    mesh = trimesh.util.concatenate([mesh, trimesh.Trimesh(*plate(2.0, 1.0, -0.5), process=False)])
-    points = generator.uniform(-1.0, 1.5, (400, 3))
-    surface = Surface(mesh.vertices, mesh.faces, 50_000, rng())
-    distance, face = surface.nearest(points)
-    triangles = np.asarray(mesh.triangles)
-    exact = 0
-    for point, found, one in zip(points, distance, face, strict=True):
-        everywhere = np.repeat(point[None], len(triangles), axis=0)
-        closest = trimesh.triangles.closest_point(triangles, everywhere)
-        apart = np.linalg.norm(closest - point, axis=1)
-        assert apart.min() - 1e-12 <= found <= apart.min() + 0.03  # samples lie 1 cm apart
-        assert apart[one] == pytest.approx(found, abs=1e-12)
-        exact += found <= apart.min() + 1e-9
-    assert exact > 0.98 * len(points)
-
-
-def test_few_large_and_many_tiny_faces_are_both_found():
-    large = plate(10.0, 10.0)
-    tiny = trimesh.creation.icosphere(subdivisions=1, radius=0.001)
-    tiny.apply_translation((5.0, 5.0, 3.0))
-    mesh = trimesh.util.concatenate([trimesh.Trimesh(*large, process=False), tiny])
-    surface = Surface(mesh.vertices, mesh.faces, 20_000, rng())
-    assert surface.distance(np.array([[5.0, 5.0, 3.01]]))[0] == pytest.approx(0.009, abs=3e-4)
-    assert surface.distance(np.array([[5.0, 5.0, 1.0]]))[0] == pytest.approx(1.0)
-
-
-def test_faces_without_area_disturb_nothing():
-    vertices, faces = plate(1.0, 1.0)
-    faces = np.concatenate([faces, [[0, 0, 1], [2, 2, 2]]])
-    distance = Surface(vertices, faces, 100, rng()).distance(np.array([[0.0, 0.0, 0.2], [1.0, 1.0, 0.0]]))
-    np.testing.assert_allclose(distance, [0.2, 0.0], atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    "mesh",
-    [
-        (np.zeros((3, 3)), np.array([[0, 1, 2]])),
-        (np.zeros((0, 3)), np.zeros((0, 3), int)),
-        (np.full((3, 3), np.nan), np.array([[0, 1, 2]])),
-    ],
-)
-def test_a_surface_without_area_is_refused(mesh):
-    with pytest.raises(EvaluationError, match="without area"):
-        Surface(*mesh, 10, rng())
-
-
 @pytest.fixture(scope="module")
 def truth() -> GroundTruth:
     """A floor of 2 m by 1 m, seen from above by one camera."""
@@ -150,22 +102,22 @@ def truth() -> GroundTruth:
 
 
 def test_the_truth_scores_full_marks_and_a_lifted_copy_by_its_height(truth):
-    perfect = surface_score(truth.vertices, truth.faces, truth, rng())
+    perfect = mesh_score(truth.vertices, truth.faces, truth, rng())
     assert perfect.precision == perfect.recall == perfect.fscore == 1.0
     assert perfect.median_error_m < 1e-12
-    lifted = surface_score(truth.vertices + np.array([0, 0, 0.03]), truth.faces, truth, rng())
+    lifted = mesh_score(truth.vertices + np.array([0, 0, 0.03]), truth.faces, truth, rng())
     assert lifted.fscore == 1.0 and lifted.median_error_m == pytest.approx(0.03)
-    away = surface_score(truth.vertices + np.array([0, 0, 0.06]), truth.faces, truth, rng())
+    away = mesh_score(truth.vertices + np.array([0, 0, 0.06]), truth.faces, truth, rng())
     assert away.precision == away.recall == away.fscore == 0.0
 
 
 def test_half_a_surface_loses_recall_and_a_false_one_precision(truth):
-    half = surface_score(*plate(1.0, 1.0), truth, rng())
+    half = mesh_score(*plate(1.0, 1.0), truth, rng())
     assert half.precision == 1.0
     assert half.recall == pytest.approx(1.05 / 2.0, abs=0.02)  # 5 cm beyond its rim count too
     assert half.fscore == pytest.approx(2 * half.recall / (1 + half.recall))
     false = trimesh.util.concatenate([trimesh.Trimesh(*plate(2.0, 1.0)), trimesh.Trimesh(*plate(2.0, 0.5, 0.5))])
-    score = surface_score(false.vertices, false.faces, truth, rng())
+    score = mesh_score(false.vertices, false.faces, truth, rng())
     assert score.recall == 1.0
     assert score.precision == pytest.approx(2 / 3, abs=0.01)
 
@@ -173,8 +125,8 @@ def test_half_a_surface_loses_recall_and_a_false_one_precision(truth):
 def test_scores_do_not_depend_on_the_frame(truth):
     turn = similarity(1.0, Rotation.from_rotvec((0.3, -0.8, 1.1)), (4.0, -1.0, 2.0))
     vertices, faces = plate(1.3, 1.0, 0.01)
-    here = surface_score(vertices, faces, truth, rng())
-    there = surface_score(vertices @ turn[:3, :3].T + turn[:3, 3], faces, truth.transformed(turn), rng())
+    here = mesh_score(vertices, faces, truth, rng())
+    there = mesh_score(vertices @ turn[:3, :3].T + turn[:3, 3], faces, truth.transformed(turn), rng())
     assert there.precision == pytest.approx(here.precision, abs=1e-3)
     assert there.recall == pytest.approx(here.recall, abs=0.01)  # voxels lie elsewhere
     assert there.median_error_m == pytest.approx(here.median_error_m, abs=1e-6)

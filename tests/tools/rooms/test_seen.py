@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from r2sego_blender.core.cameras import Camera, look_at
-from tools.rooms.seen import overlap_share, seen_by, support_gap
+from tools.rooms.seen import overlap_share, support_gap
 
 WALL_M = 2.0
 
@@ -50,8 +50,3 @@ def test_what_stands_before_the_wall_hides_it_and_pixels_without_surface_count_f
     open_sky[:, :10] = 0.0
     assert support_gap([frozen], [open_sky], [capture], [hidden]) == 0.0
     assert support_gap([frozen], [wall(frozen)], [capture], [open_sky]) == pytest.approx(0.25)
-
-
-def test_nothing_behind_a_camera_is_seen():
-    one = camera(0.0)
-    assert not seen_by(np.array([[0.0, -2.0, 1.0]]), one, wall(one)).any()

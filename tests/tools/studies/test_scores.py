@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from tools.studies.scores import calibration, given_scores, nearer_to, within
+from r2sego_blender.evaluation.surfaces.geometry_errors import within
+from tools.studies.scores import calibration, given_scores, nearer_to
 
 TRUE = np.array([[1.0, 2.0, 4.0, 0.0]])
 

@@ -1,4 +1,4 @@
-"""What an experiment reads: its plan, what was fixed before, and the records of its cells."""
+"""What an experiment reads: its plan, what was fixed before, the records of its cells, and their lists of pictures."""
 
 from __future__ import annotations
 
@@ -44,8 +44,12 @@ def _read_plan(folder: Path) -> Any:
 def _record(folder: Path) -> None:
     from r2sego_blender.experiments.records import Record, Stage
 
-    views = [{"name": "frozen_00", "psnr": 24.5, "ssim": 0.81}, {"name": "frozen_01", "psnr": None, "ssim": 1.0}]
-    scored = {"psnr": 25.0, "ssim": 0.8, "lpips_alex": 0.2, "views": views}
+    views = [
+        {"name": "frozen_00", "psnr": 24.5, "ssim": 0.81, "psnr_seen": 26.0},
+        {"name": "frozen_01", "psnr": None, "ssim": 1.0},
+    ]
+    regions = {"psnr_seen": 27.5, "psnr_unseen": None, "unseen": 0.25, "seen_by": "the true room's mesh"}
+    scored = {"psnr": 25.0, "ssim": 0.8, "lpips_alex": 0.2, **regions, "depth_error": 0.01, "views": views}
     stages = (Stage("refine", 10.5, 9.25, 800.0), Stage("evaluate", 3.0, None, None))
     made_by = {"version": "0.1.0", "system": "Linux x86_64"}
     Record("0" * 64, {"refined": scored}, {"asset.ply": "1" * 64}, stages, {"asset.ply": 2.5}, made_by, 1.75e9).write(
@@ -126,9 +130,23 @@ def _read_depth(folder: Path) -> Any:
     return [load_array(file) for file in sorted((folder / "with/depth").iterdir())]
 
 
+def _pictures(folder: Path) -> None:
+    from r2sego_blender.core.json_files import write_json
+
+    arms = {"vanilla_3dgs": "frozen-a-vanilla-3dgs.jpg", "refined": ""}
+    write_json(folder / "frozen.json", {"a.png": {"truth": "a-truth.jpg", "arms": arms, "unseen": "a-unseen.png"}})
+
+
+def _read_pictures(folder: Path) -> Any:
+    from r2sego_blender.evaluation.frozen_pictures import read_frozen_pictures
+
+    return read_frozen_pictures(folder / "frozen.json")
+
+
 HARNESSES = (
     Harness("experiments/plan.toml", _plan, "plan.toml", "toml", _read_plan),
     Harness("experiments/record.json", _record, "record.json", "json", _read_record),
+    Harness("report/frozen.json", _pictures, "frozen.json", "json", _read_pictures),
     Harness("experiments/inputs.json", _inputs, "inputs.json", "json", _read_inputs),
     Harness("experiments/train.txt", _lists, "train.txt", "text", _read_split, share=0.03),
     Harness("experiments/train_test_lists.json", _json_lists, "train_test_lists.json", "json", _read_split, share=0.03),
