@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -9,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import ANY_PATH, FOLDER, Output, output_options
+from .options import ANY_PATH, FOLDER, Output, names_of, output_options
 
 if TYPE_CHECKING:
     from ..experiments.plan import Plan
+    from ..experiments.prepared import DatasetChoice
 
 
 def plan_options(command: Callable) -> Callable:
@@ -42,18 +45,74 @@ def plan_options(command: Callable) -> Callable:
     return command
 
 
+def dataset_options(command: Callable) -> Callable:
+    """What of a data set is asked for, given as ``choice``; its folder is given as ``data``."""
+    options = (
+        click.option("--data", type=FOLDER, help="Folder of a data set; PLAN is its name then."),
+        click.option("--scenes", default="", metavar="NAME,NAME", help="Of the data set's scenes these alone."),
+        click.option(
+            "--captures",
+            type=click.IntRange(3, 10_000),
+            metavar="N",
+            help="Of the data set, captures a scene; by default as its protocol has them.",
+        ),
+        click.option("--preset", default="", help="Of the data set's cells.  [default: paper]"),
+        click.option(
+            "--seeds", type=click.IntRange(1, 1000), metavar="N", help="Of the data set's cells, so many.  [default: 5]"
+        ),
+        click.option("--sensor-depth", is_flag=True, help="Captures have what the data set's depth sensor measured."),
+    )
+
+    @functools.wraps(command)
+    def run(
+        scenes: str, captures: int | None, preset: str, seeds: int | None, sensor_depth: bool, **given: Any
+    ) -> None:
+        from ..experiments.prepared import DatasetChoice
+
+        choice = DatasetChoice(names_of(scenes), captures or 0, preset, seeds or 0, sensor_depth)
+        command(choice=choice, **given)
+
+    for option in reversed(options):
+        run = option(run)
+    return run
+
+
 @click.command()
 @click.argument("plan", type=ANY_PATH)
+@dataset_options
 @plan_options
-def experiment(plan: Path, folder: Path, processes: int, cluster: str | None, dry_run: bool, output: Output) -> None:
+def experiment(
+    plan: Path,
+    data: Path | None,
+    choice: DatasetChoice,
+    folder: Path,
+    processes: int,
+    cluster: str | None,
+    dry_run: bool,
+    output: Output,
+) -> None:
     """Run every cell of the file PLAN that is not done yet, and write metrics.json, tables and figures.
 
     A cell is a scene with a count of captures, a preset and a seed: a bundle that is refined and evaluated. Started
     again, it goes on where it stopped. Ends with status 1 where a cell failed.
-    """
-    from ..experiments.plan import Plan
 
-    run_plan(Plan.load(plan), folder, processes, cluster, dry_run, output)
+    With --data PLAN is the name of a data set, replica, 7scenes or scannetpp, whose scenes lie there.
+    """
+    from ..core.scratch import ScratchFolder
+    from ..experiments.datasets.registry import DATASETS
+    from ..experiments.plan import Plan
+    from ..experiments.prepared import SCENES, DatasetChoice, dataset_plan
+
+    if data is None:
+        if str(plan) in DATASETS and not plan.exists():
+            raise click.UsageError(f"Give the folder of {plan} with --data.")
+        if choice != DatasetChoice():
+            raise click.UsageError("Give --data, or take the options of data sets away.")
+        run_plan(Plan.load(plan), folder, processes, cluster, dry_run, output)
+        return
+    with ScratchFolder() if dry_run else contextlib.nullcontext(folder / SCENES) as place:
+        made = dataset_plan(str(plan), data, Path(place), choice, output.progress)
+        run_plan(made, folder, processes, cluster, dry_run, output)
 
 
 def run_plan(plan: Plan, folder: Path, processes: int, cluster: str | None, dry_run: bool, output: Output) -> None:

@@ -12,6 +12,7 @@ from ..core.formatting import counted
 from ..evaluation.surfaces.figures import SEEN_BY
 from .capture_curve import catching_up, curve_figure, curves_of
 from .cells import Cell
+from .datasets.published import published_latex, published_markdown
 from .page import write_page
 from .plan import Plan
 from .records import Record, score_of
@@ -39,8 +40,8 @@ def gather(plan: Plan, cells: Sequence[Cell], records: Mapping[Path, Record], fo
     ]
     if missing := len(cells) - len(done):
         notes.append(f"Incomplete: {counted(missing, 'cell')} of {len(cells)} not done, and in no figure.")
-    write_whole(folder / MARKDOWN, markdown(rows, notes))
-    write_whole(folder / LATEX, latex(rows, notes))
+    write_whole(folder / MARKDOWN, markdown(rows, notes) + published_markdown(plan.published))
+    write_whole(folder / LATEX, latex(rows, notes) + published_latex(plan.published))
     (folder / FIGURES).mkdir(exist_ok=True)
     for (preset, scene), own in curves.items():
         write_whole(folder / FIGURES / f"captures-{preset}-{scene.replace(' ', '_')}.svg", curve_figure(own))

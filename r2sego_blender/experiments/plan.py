@@ -17,6 +17,7 @@ from ..config.settings import Settings
 from ..core.errors import ExperimentError, SettingsError
 from ..core.file_names import caseless, plain_name
 from ..evaluation.arms import ARMS
+from .datasets.registry import DATASETS
 
 MOST_CELLS = 10_000
 
@@ -106,6 +107,7 @@ class Plan:
     arms: tuple[str, ...] = setting(tuple(ARMS), "Arms that are compared.", read=_arms)
     seeds: tuple[int, ...] = setting((0,), "Seeds; arms of one seed are a pair.", 0, 2**31 - 1)
     presets: tuple[PlannedPreset, ...] = setting((PlannedPreset(name="paper"),), "Presets.")
+    published: str = setting("", "A data set whose published figures stand below the tables.", choices=("", *DATASETS))
     threads: int = setting(1, "Threads of a cell.", 1, 1024)
     memory_mb: int = setting(4000, "Memory that a cell is taken to need until one was measured, MB.", 1, 10**7)
 

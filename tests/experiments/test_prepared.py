@@ -1,4 +1,4 @@
-"""The paper's tables as prepared plans: on the scenes of a folder, with budgets that match."""
+"""Prepared plans: the paper's tables on a folder's scenes, with budgets that match, and data sets by their names."""
 
 from __future__ import annotations
 
@@ -6,13 +6,16 @@ import json
 
 import pytest
 from click.testing import CliRunner
-from fake_experiment import pictures
+from dataset_folders import semantic_nerf
+from fake_experiment import PROGRAM, finished, pictures
 
 from r2sego_blender.commands.cli import main
 from r2sego_blender.commands.reproduce import reproduce
 from r2sego_blender.core.errors import ExperimentError
 from r2sego_blender.evaluation.arms import REFINED, VANILLA
-from r2sego_blender.experiments.prepared import PREPARED, prepared_plan, scenes_in
+from r2sego_blender.experiments.experiment import Experiment, run_experiment
+from r2sego_blender.experiments.gathering import MARKDOWN
+from r2sego_blender.experiments.prepared import PREPARED, DatasetChoice, dataset_plan, prepared_plan, scenes_in
 
 
 @pytest.fixture
@@ -66,3 +69,40 @@ def test_a_prepared_plan_is_run_as_any(tmp_path):
     assert len(json.loads(told.stdout)["cells"]) == 15 and not (tmp_path / "out").exists()
     told = CliRunner().invoke(main, ["reproduce", "fig-captures", *asked])
     assert told.exit_code == 1 and "office_2 has 6 captures, and 45 are asked for" in told.stderr
+
+
+def test_a_data_set_is_run_by_its_name(tmp_path, control):
+    semantic_nerf(tmp_path / "data/office_3", 90)
+    semantic_nerf(tmp_path / "data/room_0/Sequence_1", 60)
+    asked = ["--data", str(tmp_path / "data"), "--out", str(tmp_path / "out"), "--dry-run", "--json"]
+    told = CliRunner().invoke(main, ["experiment", "replica", *asked])
+    assert told.exit_code == 0, told.output
+    assert len(json.loads(told.stdout)["cells"]) == 2 * 5 and not (tmp_path / "out").exists()
+    told = CliRunner().invoke(main, ["experiment", "replica", *asked, "--scenes", "room_0", "--seeds", "1"])
+    assert [one["name"] for one in json.loads(told.stdout)["cells"]] == ["room_0, 6 captures, paper, seed 0"]
+
+    choice = DatasetChoice(captures=5, preset="preview", seeds=1)
+    plan = dataset_plan("replica", tmp_path / "data", tmp_path / "out/scenes", choice)
+    found, failures = run_experiment(plan, tmp_path / "out", 1, program=PROGRAM)
+    assert not failures and [cell.captures for cell in found.cells] == [5, 5]
+    assert all(cell.inputs.frozen for cell in found.cells)
+    table = (tmp_path / "out" / MARKDOWN).read_text()
+    assert table.index("| office_3 | 5 |") < table.index("| room_0 | 5 |") < table.index("not the same set")
+
+    plan = dataset_plan("replica", tmp_path / "data", tmp_path / "out/scenes", choice)
+    assert not Experiment.of(plan, tmp_path / "out").left and len(finished(control, "refine")) == 2
+
+
+def test_what_a_data_set_has_not_is_told(tmp_path):
+    semantic_nerf(tmp_path / "office_3", 90)
+    for name, data, choice, what in (
+        ("replicas", tmp_path, DatasetChoice(), "Did you mean replica"),
+        ("replica", tmp_path / "office_3/rgb", DatasetChoice(), "traj_w_c.txt"),
+        ("7scenes", tmp_path, DatasetChoice(), "seq-01"),
+        ("replica", tmp_path, DatasetChoice(("office_2",)), "Did you mean office_3"),
+        ("replica", tmp_path, DatasetChoice(sensor_depth=True), "no sensor's depth"),
+    ):
+        with pytest.raises(ExperimentError, match=what):
+            dataset_plan(name, data, tmp_path / "scenes", choice)
+    for asked in (["replica"], ["plan.toml", "--captures", "6"], ["plan.toml", "--sensor-depth"]):
+        assert CliRunner().invoke(main, ["experiment", *asked, "--out", str(tmp_path / "out")]).exit_code == 2

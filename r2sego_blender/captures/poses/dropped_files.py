@@ -16,8 +16,8 @@ VIDEOS = (".mov", ".mp4", ".m4v", ".avi", ".mkv", ".webm", ".3gp")
 """Suffixes of videos, in small letters."""
 
 # Where the photographs of a pose file or a COLMAP model lie, seen from its folder.
-_NEAR = ("images", "photos", ".", "../images", "../photos", "../../images", "../../photos", "..")
-_WITHIN_ROOMS = ("images", "photos", "captures", "sparse", "0", "keyframes")
+_NEAR = ("images", "photos", ".", "rgb", "results", "../images", "../photos", "../../images", "../../photos", "..")
+_WITHIN_ROOMS = ("images", "photos", "captures", "sparse", "0", "keyframes", "rgb", "results")
 
 
 @dataclass(frozen=True)

@@ -64,11 +64,17 @@ def kept_frames(
 ) -> dict[str, dict[str, Any]]:
     """The frames to import by their fields, ``frames[0]``: none that is marked ``is_bad``, or held out.
 
-    Held out are those in ``test_filenames`` and ``val_filenames`` but not in ``train_filenames``; with
-    ``held_out`` they alone are given, where there are any. What is left out is told.
+    Held out are those in ``test_filenames`` and ``val_filenames`` but not in ``train_filenames``, and ScanNet++'s
+    ``test_frames``; with ``held_out`` they alone are given, where there are any. What is left out is told.
     """
     frames = fields.entries(data, "frames", path)
     listed = {f"frames[{index}]": frame for index, frame in enumerate(frames)}
+    if "test_frames" in data:
+        apart = {f"test_frames[{i}]": frame for i, frame in enumerate(fields.entries(data, "test_frames", path))}
+        apart = {field: frame for field, frame in apart.items() if frame.get("is_bad") is not True}
+        if held_out and apart:
+            return apart
+        _tell_left_out(apart, "held out ('test_frames')", len(frames) + len(apart), progress)
     bad = {field: frame for field, frame in listed.items() if frame.get("is_bad") is True}
     _tell_left_out(bad, "marked 'is_bad'", len(frames), progress)
     listed = {field: frame for field, frame in listed.items() if field not in bad}

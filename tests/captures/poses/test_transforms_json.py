@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from dataset_folders import pose as pose_of
+from dataset_folders import scannetpp
 from expected_errors import refused
 from PIL import Image
 from splat_photographs import write_points
@@ -405,3 +407,22 @@ def test_points_lie_beside_the_file_that_names_them(tmp_path, rng, messages):
     write_points(file.parent / "sparse.ply")
     file.write_text(file.read_text().replace("../outside.ply", "sparse.ply"))
     assert len(points(file, messages)[0])
+
+
+def test_test_frames_of_scannetpp_are_held_out_and_its_fisheye_is_known(tmp_path, messages):
+    file = scannetpp(tmp_path / "room", train=5, test=2)
+    images = tmp_path / "room/dslr/resized_images"
+    data = json.loads(file.read_text())
+    data["test_frames"].append({**data["test_frames"][0], "is_bad": True})
+    file.write_text(json.dumps(data))
+    learnt, _ = read_transforms_json(file, images, messages)
+    held_out, _ = read_transforms_json(file, images, held_out=True)
+    assert [one.name for one in learnt] == [f"DSC{number:05d}.JPG" for number in (4, 3, 2, 1, 0)]
+    assert [one.name for one in held_out] == ["DSC00005.JPG", "DSC00006.JPG"]
+    assert all("test_frames" in text and "2 of the 7" in text for _, text in messages.messages)
+    for one in (*learnt, *held_out):
+        assert np.abs(one.world_from_camera - pose_of(int(one.name[3:8]))).max() < 1e-12
+        assert one.lens.model == "opencv_fisheye" and one.lens.distortion == (-0.03, 0.004, 0.001, 0.0)
+    file.write_text(json.dumps({**data, "test_frames": {"file_path": "a.png"}}))
+    with refused(CaptureError, file, "test_frames"):
+        read_transforms_json(file, images)

@@ -16,7 +16,7 @@ from r2sego_blender.core.cameras import Camera
 from r2sego_blender.core.progress import SILENT
 
 from ..harness import Harness
-from ..seeds import NAMES, camera, photographs
+from ..seeds import NAMES, camera, of_tests, photographs
 
 _GL = np.diag([1.0, -1.0, -1.0, 1.0])
 
@@ -109,6 +109,20 @@ def _record3d(folder: Path) -> None:
     (folder / "poses/metadata.json").write_text(json.dumps({**lens, **own, "poses": poses}))
 
 
+def _semantic_nerf(folder: Path) -> None:
+    of_tests("dataset_folders").semantic_nerf(folder / "poses", 4)
+
+
+def _nice_slam(folder: Path) -> None:
+    of_tests("dataset_folders").nice_slam(folder / "poses", 4)
+    lens = {"w": 120, "h": 68, "fx": 60.0, "fy": 60.0, "cx": 59.5, "cy": 33.5, "scale": 6553.5}
+    (folder / "poses/cam_params.json").write_text(json.dumps({"camera": lens}))
+
+
+def _seven_scenes(folder: Path) -> None:
+    of_tests("dataset_folders").seven_scenes(folder / "poses", frames=2)
+
+
 def _sparse() -> SparsePoints:
     points = np.random.default_rng(1).uniform((-0.2, 0.2, 0.4), (0.4, 0.8, 1.0), (6, 3))
     cameras: list[Camera] = [camera(i) for i in range(3)]
@@ -198,6 +212,11 @@ HARNESSES = (
     Harness("poses/frozen.json", _cameras, "poses/cameras.json", "json", _frozen),
     Harness("poses/polycam.json", _polycam, "poses/keyframes/cameras/b.json", "json", _posed),
     Harness("poses/record3d.json", _record3d, "poses/metadata.json", "json", _posed),
+    Harness("poses/traj_w_c.txt", _semantic_nerf, "poses/traj_w_c.txt", "text", _posed),
+    Harness("poses/traj.txt", _nice_slam, "poses/traj.txt", "text", _posed),
+    Harness("poses/cam_params.json", _nice_slam, "poses/cam_params.json", "json", _posed),
+    Harness("poses/frame.pose.txt", _seven_scenes, "poses/seq-01/frame-000001.pose.txt", "text", _posed),
+    Harness("poses/TrainSplit.txt", _seven_scenes, "poses/TrainSplit.txt", "text", _posed),
     *_of_colmap(_colmap_text, ".txt", "text"),
     *_of_colmap(_colmap_binary, ".bin", "bytes"),
     Harness("poses/points.ply", _ply, "points.ply", "text", _read_ply),

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
+from r2sego_blender.core.progress import SILENT
+
 from ..harness import Harness
+from ..seeds import of_tests
 
 _PLAN = """counts = [3, 6]
 seeds = [0, 1]
@@ -74,6 +78,58 @@ def _read_inputs(folder: Path) -> Any:
     return known_inputs(folder / "inputs.json")
 
 
+def _lists(folder: Path) -> None:
+    of_tests("dataset_folders").colmap_split(folder, (1, 2, 3), (4, 5), "lists")
+
+
+def _json_lists(folder: Path) -> None:
+    of_tests("dataset_folders").colmap_split(folder, (1, 2, 3), (4, 5), "json")
+
+
+def _read_split(folder: Path) -> Any:
+    from r2sego_blender.captures.poses.photographs import posed_captures
+    from r2sego_blender.experiments.datasets.colmap_split import read_split
+
+    return [posed_captures(part, 64) for part in read_split(folder, SILENT)]
+
+
+def _scannetpp(folder: Path) -> None:
+    of_tests("dataset_folders").scannetpp(folder)
+
+
+def _read_scannetpp(folder: Path) -> Any:
+    from r2sego_blender.captures.poses.photographs import posed_captures
+    from r2sego_blender.experiments.datasets.sets.scannetpp import split
+
+    found = split(folder, "room", 3, SILENT)
+    return found.protocol, [posed_captures(part, 64) for part in (found.captures, found.frozen)]
+
+
+def _staged(folder: Path) -> None:
+    from r2sego_blender.experiments.datasets.sets.seven_scenes import split
+    from r2sego_blender.experiments.staging import staged
+
+    scene = of_tests("dataset_folders").seven_scenes(folder / "data", frames=2)
+    staged(split(scene, "data", 3, SILENT), "data", folder / "staged")
+
+
+def _read_staged(folder: Path) -> Any:
+    from r2sego_blender.experiments.datasets.sets.seven_scenes import split
+    from r2sego_blender.experiments.staging import staged
+
+    return staged(split(folder / "data", "data", 3, SILENT), "data", folder / "staged").name
+
+
+def _read_depth(folder: Path) -> Any:
+    from r2sego_blender.core.arrays import load_array
+    from r2sego_blender.experiments.datasets.sets.seven_scenes import split
+    from r2sego_blender.experiments.staging import staged
+
+    shutil.rmtree(folder / "with", ignore_errors=True)  # one that is there is kept
+    staged(split(folder / "data", "data", 3, SILENT), "data", folder / "with", sensor_depth=True)
+    return [load_array(file) for file in sorted((folder / "with/depth").iterdir())]
+
+
 def _pictures(folder: Path) -> None:
     from r2sego_blender.core.json_files import write_json
 
@@ -92,4 +148,9 @@ HARNESSES = (
     Harness("experiments/record.json", _record, "record.json", "json", _read_record),
     Harness("report/frozen.json", _pictures, "frozen.json", "json", _read_pictures),
     Harness("experiments/inputs.json", _inputs, "inputs.json", "json", _read_inputs),
+    Harness("experiments/train.txt", _lists, "train.txt", "text", _read_split, share=0.03),
+    Harness("experiments/train_test_lists.json", _json_lists, "train_test_lists.json", "json", _read_split, share=0.03),
+    Harness("experiments/scannetpp.json", _scannetpp, "dslr/nerfstudio/transforms.json", "json", _read_scannetpp),
+    Harness("experiments/staged.json", _staged, "staged/cameras.json", "json", _read_staged),
+    Harness("experiments/depth.png", _staged, "data/seq-01/frame-000000.depth.png", "png", _read_depth, share=0.3),
 )
