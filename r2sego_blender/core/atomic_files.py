@@ -138,6 +138,14 @@ def rename(made: Path, place: Path) -> None:
     _patiently(lambda: made.replace(place))
 
 
+def linked(source: str | Path, place: str | Path) -> None:
+    """A file at another place, never to be written into: a hard link where the disk has them, else a copy."""
+    try:
+        os.link(source, place)
+    except OSError:
+        shutil.copy2(source, place)
+
+
 def remove(path: Path) -> None:
     """Remove a file, a link or a folder with all in it, if it is there."""
     if path.is_dir() and not path.is_symlink():

@@ -18,7 +18,7 @@ from pathlib import Path
 from ..bundle.figures import METRICS
 from ..bundle.layout import COLLISION, GROUND_PICTURES, REFINED_ASSET
 from ..bundle.scene import Scene
-from ..core.atomic_files import UNFINISHED, remove, rename
+from ..core.atomic_files import UNFINISHED, linked, remove, rename
 from ..core.errors import ExperimentError, R2SEgoError
 from ..core.file_locks import try_lock
 from ..workers.child import RUNNING, forget
@@ -147,19 +147,12 @@ def copy_bundle(source: Path, bundle: Path) -> None:
     remove(staging)
     try:
         with Scene.open(source).held_still():
-            shutil.copytree(source, staging, ignore=left_out, copy_function=_linked)
+            shutil.copytree(source, staging, ignore=left_out, copy_function=linked)
             if (source / GROUND_PICTURES).is_dir():
-                shutil.copytree(source / GROUND_PICTURES, staging / GROUND_PICTURES, copy_function=_linked)
+                shutil.copytree(source / GROUND_PICTURES, staging / GROUND_PICTURES, copy_function=linked)
         rename(staging, bundle)
     finally:
         remove(staging)
-
-
-def _linked(source: str, place: str) -> None:
-    try:
-        os.link(source, place)
-    except OSError:
-        shutil.copy2(source, place)
 
 
 def _declare(cell: Cell) -> None:

@@ -5,8 +5,6 @@ Photographs are hard links where the disk has them, and copies elsewhere; the da
 
 from __future__ import annotations
 
-import os
-import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +15,7 @@ import numpy as np
 from ..captures.poses.photographs import Photograph
 from ..captures.poses.transforms_json import GL_FROM_CV
 from ..captures.sensors.sensor_depth import MILLIMETRE_M
-from ..core.atomic_files import UNFINISHED, remove, rename
+from ..core.atomic_files import UNFINISHED, linked, remove, rename
 from ..core.errors import CaptureError, ExperimentError
 from ..core.file_names import caseless, plain_name
 from ..core.images import stored_values
@@ -67,14 +65,6 @@ def staged(split: Split, name: str, folder: Path, sensor_depth: bool = False) ->
     finally:
         remove(staging)
     return scene
-
-
-def linked(source: Path, place: Path) -> None:
-    """A file at another place: a hard link where the disk has them, else a copy."""
-    try:
-        os.link(source, place)
-    except OSError:
-        shutil.copy2(source, place)
 
 
 def _renamed(photographs: Sequence[Photograph], folder: str) -> list[tuple[Photograph, str]]:
