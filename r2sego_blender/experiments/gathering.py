@@ -12,7 +12,7 @@ from ..core.formatting import counted
 from ..evaluation.surfaces.figures import SEEN_BY
 from .capture_curve import catching_up, curve_figure, curves_of
 from .cells import Cell
-from .datasets.published import published_latex, published_markdown
+from .datasets.published import published_latex, published_markdown, published_of
 from .page import write_page
 from .plan import Plan
 from .records import Record, score_of
@@ -45,7 +45,7 @@ def gather(plan: Plan, cells: Sequence[Cell], records: Mapping[Path, Record], fo
     (folder / FIGURES).mkdir(exist_ok=True)
     for (preset, scene), own in curves.items():
         write_whole(folder / FIGURES / f"captures-{preset}-{scene.replace(' ', '_')}.svg", curve_figure(own))
-    write_page(folder, done, len(cells), rows, [*curves.values()], notes)
+    write_page(folder, done, len(cells), rows, [*curves.values()], notes, published_of(plan.published))
 
 
 def _measured(cell: Cell, record: Record) -> Iterator[Measured]:

@@ -19,6 +19,8 @@ from ..evaluation.report_data import Picture
 from ..evaluation.surfaces.figures import unseen_told
 from .capture_curve import curve_figure
 from .cells import Cell, Group
+from .datasets.dataset import Published
+from .datasets.published import title_of
 from .page_pictures import MOST_BYTES, ShownCell, shown_cells, within_bound
 from .records import Record
 from .score_table import Row, Spread, about, spread_told, tables_of
@@ -60,8 +62,10 @@ def write_page(
     rows: Sequence[Row],
     curves: Sequence[Sequence[Row]],
     notes: Sequence[str],
+    published: Published | None = None,
 ) -> Path:
-    """Write ``folder/page.html``, which loads nothing: of the cells ``done``, of so many, and their tables.
+    """Write ``folder/page.html``, which loads nothing: of the cells ``done``, of so many, and their tables, with
+    what others have ``published``.
 
     The same bytes for the same records and bundles. Raises OSError.
     """
@@ -77,6 +81,8 @@ def write_page(
         about=f"{len(done)} of {counted(cells, 'cell')} done",
         tables=list(tables_of(rows)),
         notes=[*about(rows), *notes],
+        published=published,
+        published_title=title_of(published) if published else "",
         curves=[Markup(curve_figure(own)) for own in curves],
         sections=[_section(index, one) for index, one in enumerate(shown)],
         labels={arm: source.label for arm, source in ARMS.items()},

@@ -5,9 +5,10 @@ from __future__ import annotations
 from fake_experiment import PLAN
 
 from r2sego_blender.experiments.cells import cells_of
-from r2sego_blender.experiments.datasets.published import published_latex, published_markdown
+from r2sego_blender.experiments.datasets.published import published_latex, published_markdown, published_of
 from r2sego_blender.experiments.gathering import LATEX, MARKDOWN, gather
 from r2sego_blender.experiments.inputs import fixed_inputs
+from r2sego_blender.experiments.page import PAGE
 from r2sego_blender.experiments.plan import Plan
 
 
@@ -29,3 +30,6 @@ def test_a_plan_may_ask_for_them(plan_file, tmp_path):
     gather(plan, cells, {}, tmp_path / "out")
     assert (tmp_path / "out" / MARKDOWN).read_text().endswith(published_markdown("replica"))
     assert (tmp_path / "out" / LATEX).read_text().endswith(published_latex("replica"))
+    page = (tmp_path / "out" / PAGE).read_text()
+    for one in published_of("replica").scores:
+        assert f'<td>{one.method}</td><td class="number">{one.psnr:.2f}</td>' in page
