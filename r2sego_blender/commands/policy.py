@@ -15,6 +15,7 @@ def _task_options(command: Callable) -> Callable:
     for option in (
         click.option("--asset", default="", metavar="PLY", help="Splats in place of the scene's own."),
         click.option("--chairs", default="", metavar="NAME,NAME", help="Separate chairs in place of the room's seats."),
+        click.option("--tracker", default="", metavar="ONNX", help="TWIST2's file: a G1 balances itself, unaided."),
     ):
         command = option(command)
     return command
@@ -31,7 +32,9 @@ def policy() -> None:
 @click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="One setting, as in docs/policy.md.")
 @_task_options
 @output_options("--json-progress")
-def train(scene: Path, folder: Path, overrides: tuple[str, ...], asset: str, chairs: str, output: Output) -> None:
+def train(
+    scene: Path, folder: Path, overrides: tuple[str, ...], asset: str, chairs: str, tracker: str, output: Output
+) -> None:
     """Train a student in SCENE by DAgger, or go on with the training in the folder.
 
     A teacher that knows the true state labels what the student sees and does. The folder holds checkpoint,
@@ -39,7 +42,7 @@ def train(scene: Path, folder: Path, overrides: tuple[str, ...], asset: str, cha
     """
     from ..policy.training import Task, settings_of, train_policy
 
-    task = Task(scene, asset, names_of(chairs))
+    task = Task(scene, asset, names_of(chairs), tracker=tracker)
     file = train_policy(task, folder, settings_of(overrides_of(overrides)), output.progress)
     output.show({"student": str(file)}, lambda told: [told["student"]])
 
@@ -62,12 +65,13 @@ def evaluate(
     record: Path | None,
     asset: str,
     chairs: str,
+    tracker: str,
     output: Output,
 ) -> None:
     """How often a policy sits down in SCENE, why it failed, and how much the helping force helped."""
     from ..policy.training import Task, evaluate_policy, lines
 
-    task = Task(scene, asset, names_of(chairs), reference)
+    task = Task(scene, asset, names_of(chairs), reference, tracker)
     if record is None:
         found = evaluate_policy(task, which, episodes, seed, output.progress)
     else:

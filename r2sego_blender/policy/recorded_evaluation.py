@@ -13,7 +13,7 @@ from ..core.atomic_files import UNFINISHED, flush, remove, swap_in
 from ..core.errors import SettingsError
 from ..core.images import save_image
 from ..core.progress import SILENT, Progress
-from ..results.policy_evaluation import EMBEDDED_DRIVE, FILE, PolicyEvaluation, head_folder, picture_name
+from ..results.policy_evaluation import FILE, PolicyEvaluation, head_folder, picture_name
 from ..robot.rollouts.bodies import save_bodies
 from ..robot.rollouts.rollout import Quality, Rollout, save_rollouts
 from ..views.head_image import HeadView
@@ -37,9 +37,9 @@ _PICTURED_FIRST, _PICTURED_FAILURES = 3, 6
 class RecordedEpisodes(BundleEpisodes):
     """Episodes that are remembered as rollouts, as they end, and pictures of some by the episodes' numbers."""
 
-    def __init__(self, env: SitEnv | WalkEnv, seed: int) -> None:
+    def __init__(self, env: SitEnv | WalkEnv, seed: int, driver: str) -> None:
         super().__init__(env)
-        self._seed = seed
+        self._seed, self._driver = seed, driver
         self.rollouts: list[Rollout] = []
         self.pictures: dict[int, Sequence[np.ndarray]] = {}
 
@@ -76,7 +76,7 @@ class RecordedEpisodes(BundleEpisodes):
                 seed=(self._seed, number),
                 behaviour="sit_on" if self._env.sits else "walk_to",
                 detail=self.detail,
-                controller=EMBEDDED_DRIVE,
+                controller=self._driver,
                 quality=Quality(assist_n=state.mean_assist_n, seated_s=state.seated_s),
             )
         )
@@ -102,11 +102,11 @@ def recorded_evaluation(
     env = task.environment()
     from .dagger.evaluation import Evaluation
 
-    room = RecordedEpisodes(env, seed)
+    room = RecordedEpisodes(env, seed, task.driver)
     found = Evaluation.of(policy_outcomes(task, policy, episodes, seed, progress, room))
     told = PolicyEvaluation(
         str(policy),
-        EMBEDDED_DRIVE,
+        task.driver,
         task.asset,
         task.reference,
         task.chairs,

@@ -16,6 +16,7 @@ from ..core.digests import content_digest
 from ..core.errors import SettingsError
 from ..core.json_files import opened_json, write_json
 from ..core.progress import SILENT, Progress
+from ..results.policy_evaluation import EMBEDDED_DRIVE
 from .dagger.settings import DaggerSettings
 from .packages import policy_package
 
@@ -37,20 +38,27 @@ class Task:
     """What is trained and evaluated in: a scene's room, seen through ``asset``, its own if that is ''.
 
     Without ``chairs``, names of ``environment.chairs.CHAIRS``, the robot sits down on the room's own seats. With
-    ``reference``, a reference room's folder, episodes take place there and begin as in the scene.
+    ``reference``, a reference room's folder, episodes take place there and begin as in the scene. A ``tracker``,
+    TWIST2's ONNX file, balances the robot in place of the embedded controller, unaided.
     """
 
     scene: Path
     asset: str = ""
     chairs: tuple[str, ...] = ()
     reference: str = ""
+    tracker: str = ""
+
+    @property
+    def driver(self) -> str:
+        """What carries the actions out, to be said with every result."""
+        return f"TWIST2 ({Path(self.tracker).name}), unaided" if self.tracker else EMBEDDED_DRIVE
 
     def environment(self) -> SitEnv:
         """The environment. Raises MachineError without the extra ``policy``, and what ``SitEnv`` raises."""
         policy_package("gymnasium")
         from .environment.environments import SitEnv
 
-        return SitEnv(self.scene, asset=self.asset, chairs=self.chairs, reference=self.reference)
+        return SitEnv(self.scene, asset=self.asset, chairs=self.chairs, reference=self.reference, tracker=self.tracker)
 
 
 def settings_of(overrides: Mapping[str, str]) -> DaggerSettings:
@@ -99,6 +107,7 @@ def _begin_or_go_on(file: Path, task: Task) -> None:
         "asset_sha256": content_digest(asset),
         "collision_sha256": content_digest(scene.collision_folder),
         "chairs": list(task.chairs),
+        "tracker": task.driver,
         "robot": scene.declaration.robot,
     }
     if not file.exists():
@@ -159,4 +168,5 @@ def lines(task: Task, policy: str | Path, found: Evaluation) -> Iterator[str]:
     where = f"the reference room {task.reference}" if task.reference else task.scene.name
     yield f"{what}, in {where}{f' seen through {task.asset}' if task.asset else ''}, {on}:"
     yield str(found)
-    yield "driven by the embedded assisted controller: the helping force on the base is the mean assist"
+    helped = "no force helps" if task.tracker else "the helping force on the base is the mean assist"
+    yield f"driven by {task.driver}: {helped}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,8 +16,10 @@ from training_room import training_room
 
 from r2sego_blender.commands.cli import main
 from r2sego_blender.core.errors import SettingsError
+from r2sego_blender.policy.dagger.evaluation import Evaluation
 from r2sego_blender.policy.dagger.loop import episode_seed
-from r2sego_blender.policy.training import evaluation_seeds, settings_of
+from r2sego_blender.policy.training import Task, evaluation_seeds, lines, settings_of
+from r2sego_blender.results.policy_evaluation import EMBEDDED_DRIVE
 
 SHORT = {"teacher_episodes": 1, "views": 4, "eye_epochs": 1, "iterations": 1, "episodes": 1, "epochs": 1}
 
@@ -63,10 +66,18 @@ def test_what_cannot_be_is_a_sentence(room, tmp_path):
         ["train", room, "--to", tmp_path / "t", "--set", "epoch=3"],
         ["train", room, "--to", tmp_path / "t", "--set", "epochs=many"],
         ["train", room, "--to", tmp_path / "t", "--chairs", "throne"],
+        ["train", room, "--to", tmp_path / "t", "--tracker", tmp_path / "nothing.onnx"],
     ):
         done = CliRunner().invoke(main, ["policy", *map(str, words)])
         assert done.exit_code == 1 and "Traceback" not in done.output, done.output
     assert not (tmp_path / "t").exists()
+
+
+@pytest.mark.parametrize(("tracker", "driver"), [("", EMBEDDED_DRIVE), ("a/twist.onnx", "twist.onnx")])
+def test_what_drove_the_robot_is_said(tracker, driver):
+    task = Task(Path("room.r2s"), tracker=tracker)
+    told = [*lines(task, "teacher", Evaluation(3, 4, 0.19, 0.99, {"fall": 1}, 0.0))]
+    assert driver in task.driver and task.driver in told[-1]
 
 
 def test_settings_are_checked_as_others_are():
