@@ -15,7 +15,7 @@ def _task_options(command: Callable) -> Callable:
     for option in (
         click.option("--asset", default="", metavar="PLY", help="Splats in place of the scene's own."),
         click.option("--chairs", default="", metavar="NAME,NAME", help="Separate chairs in place of the room's seats."),
-        click.option("--tracker", default="", metavar="ONNX", help="TWIST2's file: a G1 balances itself, unaided."),
+        click.option("--tracker", default="", metavar="ONNX", help="TWIST2's file: balance without help."),
     ):
         command = option(command)
     return command
