@@ -218,10 +218,10 @@ def _address(process: subprocess.Popen, folder: Path) -> str:
     note = folder / _NOTE
     while process.poll() is None and time.monotonic() < until_s:
         with contextlib.suppress(OSError):
-            if address := note.read_text().strip():
+            if address := note.read_text(encoding="utf-8").strip():
                 return address
         time.sleep(_PAUSE_S)
-    lines = (folder / "start.log").read_text(errors="replace").strip().splitlines()
+    lines = (folder / "start.log").read_text(encoding="utf-8", errors="replace").strip().splitlines()
     raise MachineError(
         f"Ray does not start: {lines[-1][:_MOST_WORDS] if lines else 'it says nothing'}",
         where="--ray auto",
