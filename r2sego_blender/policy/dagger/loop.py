@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -149,13 +150,14 @@ class _Run:
         wanted = self.settings.eye_passes(iteration)
         if self.place != Place() and self.place.eye_epochs >= wanted:
             return  # what it learns from is not opened again
-        views = [self.views[number] for number in range(len(self._view_seeds()))]
+        numbers = range(math.ceil(self.settings.views / _VIEWS_A_FILE))
+        if iteration > 0:
+            numbers = numbers[iteration % _VIEWS_APART :: _VIEWS_APART]
+            self.seen.clear()  # it sees them otherwise now
+        views = [self.views[number] for number in numbers]
         acted = [self.store[number] for number in range(self.count(iteration))]
         if self.place == Place():
             scale(self.student, acted, views)
-        if iteration > 0:
-            views = views[iteration % _VIEWS_APART :: _VIEWS_APART]
-            self.seen.clear()  # it sees them otherwise now
         first = self.settings.eye_passes(iteration - 1) if iteration > 0 else 0
         everything = [*views, *acted]
         left = wanted - self.place.eye_epochs
