@@ -81,8 +81,8 @@ def settings_of(overrides: Mapping[str, str]) -> DaggerSettings:
 def train_policy(task: Task, folder: Path, settings: DaggerSettings, progress: Progress = SILENT) -> Path:
     """Train a student in ``folder``, or go on with the training there; its ONNX file.
 
-    Raises SettingsError where ``folder`` holds a training in another scene, seen through another asset or with
-    other chairs, and as ``dagger.loop.train_student``.
+    Raises SettingsError where ``folder`` holds a training in another scene, seen through another asset, with
+    other chairs or another driver, and as ``dagger.loop.train_student``.
     """
     env = task.environment()
     from .dagger.bundle_episodes import BundleEpisodes
@@ -107,7 +107,7 @@ def _begin_or_go_on(file: Path, task: Task) -> None:
         "asset_sha256": content_digest(asset),
         "collision_sha256": content_digest(scene.collision_folder),
         "chairs": list(task.chairs),
-        "tracker": task.driver,
+        "driver": task.driver,
         "robot": scene.declaration.robot,
     }
     if not file.exists():
