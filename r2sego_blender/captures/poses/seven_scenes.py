@@ -14,23 +14,16 @@ from pathlib import Path
 from ...core.errors import CaptureError
 from ..lenses.lens import Lens
 from .photographs import Photograph
+from .seven_scenes_files import POSE, holds_frames
 from .trajectories import lines_of, numbers_of
-
-TEST = "TestSplit.txt"
-"""The file that lists a scene's held-out sequences; ``formats.seven_scenes`` has the other."""
 
 RANGE_M = 65.0
 """What is beyond is what the sensor did not measure: it is written as 65.535 m."""
 
 _LENS = Lens(640, 480, 585.0, 585.0, 320.0, 240.0)
-_COLOUR, _POSE, _DEPTH = ".color.png", ".pose.txt", ".depth.png"
+_COLOUR, _DEPTH = ".color.png", ".depth.png"
 _MOST_BYTES = 1 << 16
 _SEQUENCE = re.compile(r"(?:sequence|seq-?)?\s*(\d{1,4})", re.IGNORECASE)
-
-
-def holds_frames(folder: Path) -> bool:
-    """Whether a folder is a sequence."""
-    return next(folder.glob(f"frame-*{_POSE}"), None) is not None
 
 
 def sequences(scene: Path, split: str) -> list[Path]:
@@ -65,7 +58,7 @@ def frames_in(folder: Path) -> list[Path]:
 
 def posed_frame(frame: Path) -> Photograph:
     """A photograph with its pose, named after its sequence too, for all have the same frames. Raises CaptureError."""
-    file = _beside(frame, _POSE)
+    file = _beside(frame, POSE)
     pose = numbers_of(" ".join(lines_of(file, _MOST_BYTES)), str(file)).reshape(4, 4)
     return Photograph(f"{frame.parent.name}/{frame.name}", frame, _LENS, pose, str(file))
 

@@ -7,14 +7,12 @@ from pathlib import Path
 from ....config.settings import CaptureSettings
 from ....core.progress import Progress
 from ..pose_format import Posed, PoseFormat
-
-TRAIN = "TrainSplit.txt"
-"""The file that lists a scene's sequences to learn from."""
+from ..seven_scenes_files import TRAIN, holds_frames
 
 
 def find(place: Path) -> list[Path]:
     """A scene or a sequence, at its own folder."""
-    found = place.is_dir() and ((place / TRAIN).is_file() or next(place.glob("frame-*.pose.txt"), None) is not None)
+    found = place.is_dir() and ((place / TRAIN).is_file() or holds_frames(place))
     return [place] if found else []
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from ....captures.poses.formats.seven_scenes import TRAIN
-from ....captures.poses.seven_scenes import RANGE_M, TEST, depth_of, frames_in, posed_frame, sequences
+from ....captures.poses.seven_scenes import RANGE_M, depth_of, frames_in, posed_frame, sequences
+from ....captures.poses.seven_scenes_files import TEST, TRAIN
 from ....core.progress import Progress
 from ..dataset import Dataset, Split
 from ..splits import equally_spaced
