@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from skimage.metrics import peak_signal_noise_ratio
+from wall_views import camera, wall
 
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.evaluation.surfaces.regions import (
@@ -18,17 +19,6 @@ from r2sego_blender.evaluation.surfaces.regions import (
     seen_by_captures,
 )
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
-
-WALL_M = 2.0
-
-
-def camera(x: float, width: int = 40) -> Camera:
-    """At ``x`` before the wall y = 2, looking at it: a picture is 2 m wide and 1 m high on it."""
-    return Camera(width, 20, 40.0, 40.0, width / 2, 10.0, look_at(np.array([x, 0.0, 1.0]), np.array([x, WALL_M, 1.0])))
-
-
-def wall(one: Camera) -> np.ndarray:
-    return np.full(one.shape, WALL_M, np.float32)
 
 
 def test_nothing_behind_a_camera_is_seen():

@@ -1,21 +1,9 @@
 """Overlap of captures and the support gap, against cases counted by hand."""
 
-import numpy as np
 import pytest
+from wall_views import camera, wall
 
-from r2sego_blender.core.cameras import Camera, look_at
 from tools.rooms.seen import overlap_share, support_gap
-
-WALL_M = 2.0
-
-
-def camera(x: float, width: int = 40) -> Camera:
-    """At ``x`` before the wall y = 2, looking at it: a picture is 2 m wide and 1 m high on it."""
-    return Camera(width, 20, 40.0, 40.0, width / 2, 10.0, look_at(np.array([x, 0.0, 1.0]), np.array([x, WALL_M, 1.0])))
-
-
-def wall(one: Camera) -> np.ndarray:
-    return np.full(one.shape, WALL_M, np.float32)
 
 
 def test_the_same_view_twice_overlaps_wholly_and_views_side_by_side_not_at_all():
