@@ -17,7 +17,7 @@ _, ZIP, BUNDLE, ENGINE, NAME = sys.argv[sys.argv.index("--") + 1 :]
 VIEW_ANGLES_RAD = (0.85, 0.0, -0.45)
 VIEW_CENTRE_M = (2.3, 0.3, 0.6)
 VIEW_DISTANCE_M = 8.2
-WIPE_ROUND, WIPE_CAMERA, WIPE = 0, "Target 09", 0.4
+WIPE_ROUND, WIPE_CAMERA, WIPE = 0, "Target 04", 0.4
 ROLLOUT_SHARE = 0.4
 CAMERA_ZOOM = 6.0
 SETTLED_S = 1.0
@@ -45,6 +45,8 @@ def splats():
     """The refined asset's splats, and among them the robot on its way."""
     bpy.ops.r2sego.show_asset()
     bpy.ops.r2sego.show_rollout()
+    while bpy.context.window_manager.r2sego_job.running:  # it is drawn when its bodies are there
+        yield 0.5
     scene = bpy.context.scene
     scene.frame_set(round(scene.frame_start + ROLLOUT_SHARE * (scene.frame_end - scene.frame_start)))
     yield SETTLED_S  # then they are painted
