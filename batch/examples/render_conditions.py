@@ -4,8 +4,9 @@ blender --background --python batch/examples/render_conditions.py -- SCENE --to 
 python batch/examples/render_conditions.py -- SCENE --to FOLDER --engine eevee  (pip bpy)
 
 Each view gets a folder of multilayer EXRs, 000.exr at the reference capture and the last one
-at the target, and a manifest.json with the cameras and passes. On a render farm each machine
-takes a --view, or --frames of a clip; begin with an empty folder.
+at the target, and a manifest.json with the cameras and passes. On a render farm start it with --share on as many
+machines as there are: each renders the frames that no other has, and one started again goes on. Or each machine
+takes a --view, or --frames of a clip. Begin with an empty folder.
 """
 
 import argparse
@@ -16,7 +17,7 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from r2sego_blender.bridge.generation.conditions import ConditionScene, render_path
+from r2sego_blender.bridge.generation.conditions import ConditionScene, render_path, render_shared
 from r2sego_blender.commands.scripts import run_script
 from r2sego_blender.core.errors import SceneError
 from r2sego_blender.results.panels.bundle import Bundle
@@ -29,7 +30,9 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--to", type=Path, required=True, help="folder for the views' folders")
     parser.add_argument("--round", type=int, default=None, help="from 0; the last one when left out")
     parser.add_argument("--view", type=int, default=None, help="from 0; every clip when left out")
-    parser.add_argument(
+    part = parser.add_mutually_exclusive_group()
+    part.add_argument("--share", action="store_true", help="the frames that no other has rendered or renders now")
+    part.add_argument(
         "--frames",
         type=int,
         nargs=2,
@@ -49,9 +52,13 @@ def main(arguments: list[str]) -> int:
     scene = ConditionScene(bundle.proxy(shown), options.engine)
     for view in views:
         path = [camera.scaled(options.scale) for camera in bundle.camera_path(shown, view)]
-        only = None if options.frames is None else range(options.frames[0], options.frames[1] + 1)
-        files = render_path(scene, path, options.to / f"{view:03d}", options.engine, only=only)
-        print(f"view {view}: {len(files)} frames in {files[0].parent}")
+        folder = options.to / f"{view:03d}"
+        if options.share:
+            files = render_shared(scene, path, folder, options.engine)
+        else:
+            only = None if options.frames is None else range(options.frames[0], options.frames[1] + 1)
+            files = render_path(scene, path, folder, options.engine, only=only)
+        print(f"view {view}: {len(files)} frames in {folder}")
     return 0
 
 

@@ -1,6 +1,9 @@
 """Cycles and EEVEE show the same conditions as the z-buffer, in pip bpy."""
 
 import json
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import fake_bundle
 import numpy as np
@@ -16,6 +19,7 @@ from r2sego_blender.bridge.generation import conditions as bridge  # noqa: E402
 from r2sego_blender.bridge.generation.conditions import PASSES, ConditionScene, render_path  # noqa: E402
 from r2sego_blender.core.cameras import Camera, look_at  # noqa: E402
 from r2sego_blender.core.errors import GenerationError  # noqa: E402
+from r2sego_blender.core.file_locks import try_lock  # noqa: E402
 from r2sego_blender.generation.conditions.blender_conditions import read_condition  # noqa: E402
 from r2sego_blender.generation.conditions.conditions import ZBufferRenderer  # noqa: E402
 from r2sego_blender.geometry.proxy.proxy import GeometryProxy  # noqa: E402
@@ -201,6 +205,42 @@ def test_machines_that_share_a_clip_make_together_what_one_makes_alone(in_cycles
     for index, camera in enumerate(PATH):
         parts, alone = (read_condition(folder / f"{index:03d}.exr", camera) for folder in (tmp_path, whole))
         np.testing.assert_array_equal(parts.depth, alone.depth)
+
+
+def test_blenders_that_share_a_path_render_each_frame_once_and_what_a_dead_one_left(tmp_path):
+    """Threads in place of Blenders: a lock is of the file that was opened, whichever process holds it."""
+    rendered, meanwhile = [], threading.Barrier(4)
+
+    class Counting(ConditionScene):
+        def __init__(self):
+            pass
+
+        def render(self, camera, file):
+            rendered.append(file.name)
+            time.sleep(0.002)
+            file.write_bytes(b"exr")
+
+    path = [LENSES["centred"]] * 40
+    (tmp_path / ".locks").mkdir()
+    (tmp_path / ".locks" / "007").touch()  # of a Blender that died: nobody holds it
+    held = (tmp_path / ".locks" / "003").open("ab")
+    assert try_lock(held)
+
+    def share():
+        meanwhile.wait()
+        return bridge.render_shared(Counting(), path, tmp_path, "cycles")
+
+    with ThreadPoolExecutor(4) as pool:
+        shares = [one.result() for one in [pool.submit(share) for _ in range(4)]]
+    names = [f"{index:03d}.exr" for index in range(40)]
+    assert sorted(rendered) == sorted(file.name for files in shares for file in files)
+    assert sorted(rendered) == [name for name in names if name != "003.exr"]
+    assert not (tmp_path / bridge.MANIFEST).exists()
+    held.close()
+    assert [file.name for file in bridge.render_shared(Counting(), path, tmp_path, "cycles")] == ["003.exr"]
+    assert sorted(file.name for file in tmp_path.iterdir()) == [*names, bridge.MANIFEST]
+    assert bridge.render_shared(Counting(), path, tmp_path, "cycles") == [] and len(rendered) == 40
+    assert sorted(file.name for file in tmp_path.iterdir()) == [*names, bridge.MANIFEST]
 
 
 def test_an_image_that_is_cut_off_is_never_taken_for_whole(scene, tmp_path, monkeypatch):

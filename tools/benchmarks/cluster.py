@@ -27,7 +27,7 @@ from r2sego_blender.experiments.ray_runner import START, RayRunner, ray_runner
 from r2sego_blender.workers.processes import end_tree, ended_with_this_process, group_of_its_own
 
 from .machine import processor
-from .sleeping_cells import SleepingCells
+from .sleeping.cells import SleepingCells
 
 NODES = 4
 TAKEN = "taken.json"

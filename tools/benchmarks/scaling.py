@@ -22,8 +22,8 @@ from r2sego_blender.experiments.running import Outcome, RunCell
 from r2sego_blender.experiments.scheduling import schedule
 
 from .machine import processor
-from .sleeping_cells import SleepingCells, Steps
-from .sleeping_program import scene_factor
+from .sleeping.cells import SleepingCells, Steps
+from .sleeping.program import scene_factor
 
 SPREAD = 0.3
 """By how much of its time a scene of the check takes more or less than the measured one."""

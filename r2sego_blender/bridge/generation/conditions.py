@@ -7,8 +7,10 @@ engines have and which, unlike material and object indices, take any number of o
 
 from __future__ import annotations
 
+import contextlib
 import json
-from collections.abc import Callable, Sequence
+import shutil
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import bpy
@@ -17,6 +19,7 @@ import numpy as np
 from ...core.atomic_files import write_whole
 from ...core.cameras import Camera
 from ...core.errors import GenerationError
+from ...core.file_locks import try_lock
 from ...geometry.proxy.proxy import GeometryProxy
 from ..shared import versions
 from ..shared.cameras import create_camera, set_camera, use_frame_of
@@ -36,6 +39,7 @@ NEAR_M = 0.02
 """Surfaces nearer to the camera plane than this are not drawn, as in the z-buffer."""
 
 _UNFINISHED = ".unfinished-"
+_LOCKS = ".locks"
 _NAMES = {"cycles": "Cycles", "eevee": "EEVEE"}
 _NAME = "R2S-EGO conditions"
 _EXACT_HALF = 2048  # EEVEE keeps AOVs as 16-bit floats: whole numbers up to here
@@ -138,13 +142,54 @@ def render_path(
     for index in part:
         on_frame(index)
         scene.render(path[index], files[index])
-    written = [files[index] for index in part]
-    if not all(file.is_file() for file in files):
-        return written
+    if all(file.is_file() for file in files):
+        _write_manifest(folder, files, path, engine)
+    return [files[index] for index in part]
+
+
+def render_shared(scene: ConditionScene, path: Sequence[Camera], folder: Path, engine: str) -> list[Path]:
+    """As ``render_path``, the frames alone that nobody has rendered or is rendering; those are returned.
+
+    Any number of Blenders may do so at once on one folder. A frame is one's own while its lock is held, which the
+    system drops where a Blender dies: another then takes the frame. Raises as ``render_path``, and SceneError where
+    the disk knows no locks.
+    """
+    locks = folder / _LOCKS
+    locks.mkdir(parents=True, exist_ok=True)
+    files = [folder / f"{index:03d}.exr" for index in range(len(path))]
+    written = []
+    for camera, file in zip(path, files, strict=True):
+        if file.is_file():
+            continue
+        with _taken(locks / file.stem) as is_ours:
+            if is_ours and not file.is_file():  # another may have ended it since
+                scene.render(camera, file)
+                written.append(file)
+    while not (folder / MANIFEST).is_file() and all(file.is_file() for file in files):
+        with _taken(locks / MANIFEST) as is_ours:
+            if is_ours:
+                _write_manifest(folder, files, path, engine)
+    if (folder / MANIFEST).is_file():
+        shutil.rmtree(locks, ignore_errors=True)
+    return written
+
+
+@contextlib.contextmanager
+def _taken(lock: Path) -> Iterator[bool]:
+    """Within its ``with`` block the lock is held; whether it could be: not where all is done, and locks are gone."""
+    try:
+        file = lock.open("ab")
+    except FileNotFoundError:
+        yield False
+        return
+    with file:
+        yield try_lock(file)
+
+
+def _write_manifest(folder: Path, files: Sequence[Path], path: Sequence[Camera], engine: str) -> None:
     frames = [{"file": f.name, "camera": c.to_json()} for f, c in zip(files, path, strict=True)]
     content = {"complete": True, "renderer": renderer_name(engine), "passes": PASSES, "frames": frames}
-    write_whole(manifest, json.dumps(content, indent=1))
-    return written
+    write_whole(folder / MANIFEST, json.dumps(content, indent=1))
 
 
 def _render_now(scene: bpy.types.Scene) -> None:

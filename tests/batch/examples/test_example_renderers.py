@@ -1,8 +1,10 @@
 """The scripts that render a round's conditions and compare the renderers, with pip bpy."""
 
 import json
+import re
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import fake_bundle
@@ -46,6 +48,18 @@ def test_a_round_s_conditions_are_rendered_as_the_z_buffer_has_them(bundle_path,
         surface = (found.depth > 0) & (seen.depth > 0)
         near = np.abs(found.depth - seen.depth)[surface] <= 1e-3 * (1.0 + seen.depth[surface])
         assert near.mean() > 0.98
+
+
+def test_two_that_share_a_round_s_frames_render_each_once(bundle_path, blender_environment, tmp_path):
+    out = tmp_path / "out"
+    asked = ("--", bundle_path, "--to", out, "--round", 0, "--scale", 0.25, "--share")
+    with ThreadPoolExecutor(2) as pool:
+        both = [pool.submit(run, blender_environment, "render_conditions.py", *asked) for _ in range(2)]
+        done = [one.result() for one in both]
+    assert [one.returncode for one in done] == [0, 0], done[0].stderr + done[1].stderr
+    shares = [int(re.search(r"view 0: (\d+) frames", one.stdout)[1]) for one in done]
+    assert sum(shares) == fake_bundle.PATH_FRAMES
+    assert len(json.loads((out / "000" / "manifest.json").read_text())["frames"]) == fake_bundle.PATH_FRAMES
 
 
 def test_renderers_are_compared_frame_by_frame(bundle_path, blender_environment):

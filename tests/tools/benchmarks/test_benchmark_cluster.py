@@ -8,7 +8,7 @@ import pytest
 from r2sego_blender.core.errors import SettingsError
 from r2sego_blender.experiments.experiment import run_experiment
 from tools.benchmarks import cluster as bench
-from tools.benchmarks.sleeping_cells import SleepingCells
+from tools.benchmarks.sleeping.cells import SleepingCells
 
 
 def test_too_few_cells_or_no_time_is_told():

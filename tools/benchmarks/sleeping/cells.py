@@ -13,7 +13,7 @@ import numpy as np
 from r2sego_blender.core.images import save_image
 from r2sego_blender.experiments.plan import Plan, PlannedPreset, PlannedScene
 
-PROGRAM = Path(__file__).with_name("sleeping_program.py")
+PROGRAM = Path(__file__).with_name("program.py")
 COMMANDS = ("new", "refine", "evaluate")
 
 Steps = Mapping[str, Sequence[tuple[str, float]]]
