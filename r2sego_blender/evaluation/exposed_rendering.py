@@ -24,15 +24,19 @@ _NEAREST = 0.05
 
 def as_exposed(asset: SplatAsset, captures: Sequence[Capture]) -> Callable[[Camera], Rendering]:
     """Renders ``asset`` at the exposure of the ``captures`` near a camera; as it is where none has a gain."""
-    if all(capture.gain is None for capture in captures):
-        return lambda camera: render(asset, camera)
 
-    def exposed(camera: Camera) -> Rendering:
+    def shown(camera: Camera) -> Rendering:
         rendering = render(asset, camera)
-        linear = linear_from_srgb(rendering.colour) * exposure_near(camera, captures)
-        return replace(rendering, colour=srgb_from_linear(linear))
+        return replace(rendering, colour=exposed(rendering.colour, camera, captures))
 
-    return exposed
+    return shown
+
+
+def exposed(colour: np.ndarray, camera: Camera, captures: Sequence[Capture]) -> np.ndarray:
+    """A picture (H, W, 3) of the captures' one exposure at that of those near its ``camera``."""
+    if all(capture.gain is None for capture in captures):
+        return colour
+    return srgb_from_linear(linear_from_srgb(colour) * exposure_near(camera, captures))
 
 
 def exposure_near(camera: Camera, captures: Sequence[Capture]) -> np.ndarray:

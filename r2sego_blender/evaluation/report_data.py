@@ -218,7 +218,8 @@ class ReportData:
     ``facts`` are (label, value) pairs for the head of the page, such as the seed. ``arms``
     in the order of the table; the last, refined, is the headline, and ``baseline`` is the key of
     the arm it is compared with, the strongest of others. ``scored_rounds`` are in order;
-    ``error_split`` is None where nothing was scored. ``unseen_told`` says what share of the pixels
+    ``error_split`` is None where nothing was scored. ``generator`` says how its own frames score,
+    ``unseen_told`` what share of the pixels
     no capture saw, ``geometry`` lines of its errors. ``provenance`` are the proxy's
     shares, {"observed": 0.6, ...}. ``timings`` are (step, seconds) in the order they ran.
     """
@@ -229,6 +230,7 @@ class ReportData:
     arms: tuple[Arm, ...] = ()
     baseline: str = "vanilla_3dgs"
     lpips_reason: str = ""
+    generator: str = ""
     unseen_told: str = ""
     geometry: tuple[str, ...] = ()
     backends: tuple[Backend, ...] = ()

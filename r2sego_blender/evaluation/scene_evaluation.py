@@ -27,12 +27,13 @@ from ..core.progress import SILENT, Progress
 from ..geometry.stereo.stereo import DEPTH
 from ..splats.asset import SplatAsset
 from ..splats.formats.ply import load_made
-from . import round_scores, scene_causes
+from . import generator_score, round_scores, scene_causes
 from .arms import ARMS, REFINED
 from .cause_figures import report_causes
 from .distinct_views import require_distinct, seen_in_training
 from .exposed_rendering import as_exposed
 from .frozen import ArmScore, score
+from .generator_score import score_generator
 from .metrics_file import write_metrics
 from .report_data import FrozenView, Rendering
 from .round_scores import LABEL_WIDTH, score_rounds
@@ -93,6 +94,7 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress, arms: Sequence[st
             title=f"Scoring {source.label}",
         )
     rounds = score_rounds(scene, views, progress)
+    generator = score_generator(scene, views, progress)
     images = {arm: [pictures[view.name] for view in views] for arm, pictures in renderings.items()}
     surfaces = _surfaces(scene, frozen, views, progress)
     causes: SceneCauses | str = surfaces if isinstance(surfaces, str) else ""
@@ -106,13 +108,14 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress, arms: Sequence[st
         scores,
         figures,
         rounds=round_scores.as_entries(rounds),
+        generator=generator,
         causes=scene_causes.as_entry(causes),
         assets=_scored(scene, arms),
     )
     unseen = [] if isinstance(surfaces, str) else [~view.seen for view in surfaces.views]
     shown = _pictures(views, scores, renderings, figures, unseen)
     split = report_causes(causes, scores[REFINED], shown)
-    write_scene_report(scene, scores, shown, rounds, split, figures)
+    write_scene_report(scene, scores, shown, rounds, split, figures, generator_score.told(generator))
     return metrics
 
 
@@ -147,7 +150,8 @@ def table(metrics: Mapping[str, Any]) -> str:
         lines.append(line + (f"{seen:>9}{unseen:>11}" if regions else ""))
     lines += round_scores.lines(metrics["rounds"])
     lines.append(f"mean over {len(told['views'])} frozen views")
-    lines += [*filter(None, [unseen_told(told)]), *geometry_lines(told)]
+    told_of_generator = generator_score.told(metrics.get("generator", {}))
+    lines += [*filter(None, [told_of_generator, unseen_told(told)]), *geometry_lines(told)]
     return "\n".join([*lines, "", *scene_causes.lines(metrics["causes"])])
 
 

@@ -75,6 +75,7 @@ def write_scene_report(
     scored_rounds: Sequence[RoundScore] = (),
     error_split: ErrorSplit | None = None,
     figures: Mapping[str, ArmFigures] = MappingProxyType({}),
+    generator: str = "",
 ) -> Path:
     """Write ``report/index.html`` from what the bundle holds, with scores where there are some."""
     declared = scene.declaration
@@ -100,6 +101,7 @@ def write_scene_report(
             arms=tuple(_arm(key, score, figures) for key, score in (scores or {}).items()),
             baseline=strongest_baseline({key: score.psnr for key, score in (scores or {}).items()}),
             lpips_reason=next(iter(reasons), ""),
+            generator=generator,
             unseen_told=unseen_told(refined),
             geometry=tuple(geometry_lines(refined)),
             backends=tuple(_backend(slot, name) for slot, name in scene.backends.items()),
