@@ -36,6 +36,11 @@ def plan_options(command: Callable) -> Callable:
             help="On a Ray cluster in place of --processes; auto: the one of this machine, else one of its own.",
         ),
         click.option(
+            "--store",
+            metavar="s3://BUCKET/PREFIX|file:///FOLDER",
+            help="Storage that all machines reach, where they share no disk: cells take and leave everything there.",
+        ),
+        click.option(
             "--dry-run", is_flag=True, help="Say which cells there are and which are done; runs and writes nothing."
         ),
         output_options("--json", "--json-progress"),
@@ -88,6 +93,7 @@ def experiment(
     folder: Path,
     processes: int,
     cluster: str | None,
+    store: str | None,
     dry_run: bool,
     output: Output,
 ) -> None:
@@ -108,16 +114,19 @@ def experiment(
             raise click.UsageError(f"Give the folder of {plan} with --data.")
         if choice != DatasetChoice():
             raise click.UsageError("Give --data, or take the options of data sets away.")
-        run_plan(Plan.load(plan), folder, processes, cluster, dry_run, output)
+        run_plan(Plan.load(plan), folder, processes, cluster, store, dry_run, output)
         return
     with ScratchFolder() if dry_run else contextlib.nullcontext(folder / SCENES) as place:
         made = dataset_plan(str(plan), data, Path(place), choice, output.progress)
-        run_plan(made, folder, processes, cluster, dry_run, output)
+        run_plan(made, folder, processes, cluster, store, dry_run, output)
 
 
-def run_plan(plan: Plan, folder: Path, processes: int, cluster: str | None, dry_run: bool, output: Output) -> None:
+def run_plan(
+    plan: Plan, folder: Path, processes: int, cluster: str | None, store: str | None, dry_run: bool, output: Output
+) -> None:
     """Run a plan's cells, or say which there are."""
     from ..experiments.experiment import Experiment, run_experiment
+    from ..experiments.object_store import ObjectStore
     from ..experiments.ray_runner import ray_runner
 
     if cluster is not None and processes:
@@ -127,7 +136,8 @@ def run_plan(plan: Plan, folder: Path, processes: int, cluster: str | None, dry_
         output.show(_told(found, {}), _lines)
         return
     opened = None if cluster is None else ray_runner(cluster, output.progress.message)
-    found, failures = run_experiment(plan, folder, processes, output.progress, cluster=opened)
+    kept = None if store is None else ObjectStore.at(store)
+    found, failures = run_experiment(plan, folder, processes, output.progress, cluster=opened, store=kept)
     output.show(_told(found, failures), _lines)
     sys.exit(1 if failures and not output.as_events else 0)
 

@@ -31,11 +31,18 @@ def _prepared(name: str, told: str) -> click.Command:
     @click.option("--scenes", default="", metavar="NAME,NAME", help="Of the scenes in the folder these alone.")
     @plan_options
     def command(
-        data: Path, scenes: str, folder: Path, processes: int, cluster: str | None, dry_run: bool, output: Output
+        data: Path,
+        scenes: str,
+        folder: Path,
+        processes: int,
+        cluster: str | None,
+        store: str | None,
+        dry_run: bool,
+        output: Output,
     ) -> None:
         from ..experiments.prepared import prepared_plan
 
-        run_plan(prepared_plan(name, data, names_of(scenes)), folder, processes, cluster, dry_run, output)
+        run_plan(prepared_plan(name, data, names_of(scenes)), folder, processes, cluster, store, dry_run, output)
 
     return command
 

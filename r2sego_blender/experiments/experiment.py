@@ -16,10 +16,12 @@ from .cells import Cell, cells_of
 from .gathering import gather
 from .inputs import fixed_inputs
 from .local_runner import LocalRunner
+from .object_store import ObjectStore
 from .plan import Plan
 from .records import Record, read_record
-from .running import PROGRAM, Outcome, run_cell
+from .running import PROGRAM, Outcome, RunCell, run_cell
 from .scheduling import Expectations, Runner, Sparing, schedule
+from .stored_cells import StoredCells, bring, put_scenes
 
 LOCK = ".lock"
 
@@ -107,12 +109,14 @@ def run_experiment(
     progress: Progress = SILENT,
     program: Sequence[str] = PROGRAM,
     cluster: contextlib.AbstractContextManager[Runner] | None = None,
+    store: ObjectStore | None = None,
 ) -> tuple[Experiment, Mapping[Path, str]]:
     """Run what is left of a plan, with tables as cells are done; the experiment, and the cells that failed, with why.
 
     At most ``processes`` cells run at once on this machine (0: as many as fit), unless a ``cluster`` is opened for
-    them. ``program`` is what each command of a cell is given to. Raises ExperimentError as ``alone`` and
-    ``Experiment.of``, and what opening the cluster does.
+    them. ``program`` is what each command of a cell is given to. With a ``store`` cells take what they need from
+    there, and leave there what they made; in the folder is what tables need. Raises ExperimentError as ``alone``,
+    ``Experiment.of`` and ``put_scenes``, and what opening the cluster does.
     """
     with alone(folder):
         found = Experiment.of(plan, folder, progress)
@@ -128,13 +132,21 @@ def run_experiment(
                 progress.message(f"{cell.name}: {outcome.failure}{rest}", "warning")
                 return
             records[cell.folder] = outcome.record
+            if store is not None:
+                try:
+                    bring(cell, store)
+                except ExperimentError as error:
+                    progress.message(str(error), "warning")
             progress.message(f"{cell.name}: done")
             tables.write()
 
         if not found.left:
             return found, {}
         # Named as on this machine only where it is another: a node has its own Python.
-        do = run_cell if program is PROGRAM else functools.partial(run_cell, program=program)
+        do: RunCell = run_cell if program is PROGRAM else functools.partial(run_cell, program=program)
+        if store is not None:
+            put_scenes(plan.scenes, store)
+            do = StoredCells(store, do)
         try:
             with cluster or contextlib.nullcontext(LocalRunner(processes)) as runner:
                 failures = schedule(found.left, runner, do, found.expected(), told, progress.message)

@@ -25,6 +25,7 @@ from ..workers.library_path import LIBRARY
 from ..workers.processes import end_tree, ended_with_this_process, group_of_its_own
 from .cells import Cell
 from .running import Outcome, RunCell
+from .stored_cells import StoredCells
 
 AUTO = "auto"
 """In place of an address: the cluster that runs on this machine, else one of its own."""
@@ -134,7 +135,7 @@ def ray_runner(address: str, say: Callable[[str], None] = lambda line: None) -> 
 
 
 def do_on_node(run_cell: RunCell, cell: Cell, version: str) -> Outcome:
-    """A cell on a node of the cluster, which has to have this version and to see the cell's folder."""
+    """A cell on a node of the cluster, which has to have this version, and to see the cell's folder or storage."""
     node = socket.gethostname()
     try:
         if version != __version__:
@@ -143,11 +144,11 @@ def do_on_node(run_cell: RunCell, cell: Cell, version: str) -> Outcome:
                 where=cell.name,
                 cure="Install the same version on every node.",
             )
-        if not cell.folder.is_dir():
+        if not isinstance(run_cell, StoredCells) and not cell.folder.is_dir():
             raise ExperimentError(
                 f"the node {node} does not see this folder",
                 where=cell.folder,
-                cure="Mount one disk at the same place on every node.",
+                cure="Mount one disk at the same place on every node, or give storage with --store.",
             )
     except ExperimentError as error:
         return Outcome(None, str(error))
