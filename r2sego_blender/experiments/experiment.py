@@ -145,7 +145,7 @@ def run_experiment(
         # Named as on this machine only where it is another: a node has its own Python.
         do: RunCell = run_cell if program is PROGRAM else functools.partial(run_cell, program=program)
         if store is not None:
-            put_scenes(plan.scenes, store)
+            put_scenes(found.left, store)
             do = StoredCells(store, do)
         try:
             with cluster or contextlib.nullcontext(LocalRunner(processes)) as runner:

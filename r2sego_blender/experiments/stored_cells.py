@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import json
 import re
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from ..core.atomic_files import remove
@@ -16,7 +17,6 @@ from ..core.file_locks import try_lock
 from ..core.user_configuration import cache_folder
 from .cells import Cell
 from .object_store import ObjectStore
-from .plan import PlannedScene
 from .records import RECORD, Record, read_record
 from .running import Outcome, RunCell
 
@@ -25,12 +25,13 @@ _LOCK_PAUSE_S = 0.2
 _ABOVE = 4  # a cell's folder is EXPERIMENT/cells/PRESET/SCENE/COUNT/seed_S
 
 
-def put_scenes(scenes: Sequence[PlannedScene], store: ObjectStore) -> None:
-    """Publish what the scenes are made of.
+def put_scenes(cells: Sequence[Cell], store: ObjectStore) -> None:
+    """Publish what the cells' scenes are made of.
 
     Raises ExperimentError for a scene that is more than the folder of its photographs.
     """
-    for scene in scenes:
+    for cell in {_of_scene(cell): cell for cell in cells}.values():
+        scene = cell.scene
         own = [scene.frozen, *([scene.poses] if scene.poses else [])]
         elsewhere = [str(file) for file in own if not file.is_relative_to(scene.captures)]
         elsewhere += [name for name in (scene.robot, scene.scope) if Path(name).is_file()]
@@ -40,7 +41,7 @@ def put_scenes(scenes: Sequence[PlannedScene], store: ObjectStore) -> None:
                 where=scene.captures,
                 cure="Give a folder that has its photographs, poses and frozen views, and robots and scopes by name.",
             )
-        store.publish(scene.captures, _of_scene(scene))
+        store.publish(scene.captures, _of_scene(cell))
 
 
 def bring(cell: Cell, store: ObjectStore) -> None:
@@ -85,7 +86,7 @@ class StoredCells:
 
     def _take(self, cell: Cell, here: Cell) -> None:
         """What the cell is made of, and what others have made of it."""
-        if not self.store.fetch(_of_scene(cell.scene), here.scene.captures):
+        if not self.store.fetch(_of_scene(cell), here.scene.captures):
             raise ExperimentError(
                 f"the scene {cell.scene.name} is not there", where=self.store.url, cure="Start the experiment again."
             )
@@ -104,17 +105,22 @@ class StoredCells:
         return record if record is not None and record.key == cell.key else None
 
 
-def _of_scene(scene: PlannedScene) -> str:
-    return f"scenes/{scene.name}"
+def _of_scene(cell: Cell) -> str:
+    return f"{_inputs_digest(cell)}/scenes/{cell.scene.name}"
 
 
 def _relative(cell: Cell, place: Path) -> str:
-    return place.relative_to(cell.folder.parents[_ABOVE]).as_posix()
+    return f"{_inputs_digest(cell)}/{place.relative_to(cell.folder.parents[_ABOVE]).as_posix()}"
+
+
+def _inputs_digest(cell: Cell) -> str:
+    """Of other photographs or held-out views nothing is taken, though they have the same names."""
+    return hashlib.sha256(json.dumps(asdict(cell.inputs), sort_keys=True).encode()).hexdigest()[:16]
 
 
 def _moved(cell: Cell, root: Path) -> Cell:
     """The cell as it lies below ``root`` on this machine."""
-    scene, captures = cell.scene, root / _of_scene(cell.scene)
+    scene, captures = cell.scene, root / _of_scene(cell)
 
     def within(file: Path) -> Path:
         return captures / file.relative_to(scene.captures)

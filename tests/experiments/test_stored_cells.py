@@ -7,7 +7,7 @@ import functools
 import shutil
 
 import pytest
-from fake_experiment import PROGRAM, finished
+from fake_experiment import PROGRAM, finished, pictures
 from progress_recorder import ProgressRecorder
 
 from r2sego_blender.core.errors import ExperimentError
@@ -16,7 +16,7 @@ from r2sego_blender.experiments.gathering import LATEX, MARKDOWN
 from r2sego_blender.experiments.plan import Plan
 from r2sego_blender.experiments.ray_runner import __version__, do_on_node
 from r2sego_blender.experiments.running import run_cell
-from r2sego_blender.experiments.stored_cells import StoredCells, put_scenes
+from r2sego_blender.experiments.stored_cells import StoredCells, _relative, put_scenes
 
 RUN = functools.partial(run_cell, program=PROGRAM)
 
@@ -41,6 +41,10 @@ def machine(tmp_path, monkeypatch):
     return be
 
 
+def cell_of(plan, tmp_path):
+    return Experiment.of(plan, tmp_path / "out", write=False).cells[0]
+
+
 @pytest.mark.parametrize("kind", ["store", "s3"])
 def test_tables_are_those_of_one_disk_and_nothing_is_done_twice(kind, request, plan, control, machine, tmp_path):
     store = request.getfixturevalue(kind)
@@ -53,7 +57,7 @@ def test_tables_are_those_of_one_disk_and_nothing_is_done_twice(kind, request, p
     for cell in found.cells:
         assert (cell.folder / "record.json").is_file() and not (cell.bundle / "asset.ply").exists()
         assert cell.imported.is_dir()
-        assert store.fetch(f"cells/paper/room/{cell.captures}/seed_{cell.seed}", tmp_path / "whole")
+        assert store.fetch(_relative(cell, cell.folder), tmp_path / "whole")
         assert (tmp_path / "whole/bundle.r2s/asset.ply").is_file()
     assert len(finished(control, "new")) == 4  # two here, two there
     # Another driver, on another machine, with an empty folder: all is there.
@@ -64,30 +68,30 @@ def test_tables_are_those_of_one_disk_and_nothing_is_done_twice(kind, request, p
 
 
 def test_a_cell_goes_on_elsewhere_from_what_was_stored(plan, store, control, machine, tmp_path):
-    put_scenes(plan.scenes, store)
-    cell = Experiment.of(plan, tmp_path / "out", write=False).cells[0]
+    cell = cell_of(plan, tmp_path)
+    put_scenes([cell], store)
     (control / "abort").write_text("1")
     assert StoredCells(store, RUN)(cell).record is None
-    assert store.has(f"imports/room/{cell.captures}.r2s") and not store.has("cells/none")
+    assert store.has(_relative(cell, cell.imported))
     other = machine("second")
     outcome = StoredCells(store, RUN)(cell)
     assert outcome.record is not None and outcome.record.key == cell.key
     assert len(finished(control, "new")) == 1  # the import came from storage
     assert not (tmp_path / "out/cells").exists()
-    (bundle,) = other.glob("r2sego/experiments/*/cells/paper/room/*/seed_0/bundle.r2s")
+    (bundle,) = other.glob("r2sego/experiments/*/*/cells/paper/room/*/seed_0/bundle.r2s")
     assert (bundle / "asset.ply").read_text() != "half"
 
 
 def test_a_node_needs_no_disk_of_others_where_there_is_storage(plan, store, control, machine, tmp_path):
-    put_scenes(plan.scenes, store)
-    cell = Experiment.of(plan, tmp_path / "out", write=False).cells[0]
+    cell = cell_of(plan, tmp_path)
+    put_scenes([cell], store)
     assert do_on_node(RUN, cell, __version__).record is None
     assert do_on_node(StoredCells(store, RUN), cell, __version__).record is not None
 
 
 def test_storage_that_is_gone_is_a_failure_of_the_cell_and_of_nothing_else(plan, store, control, machine, tmp_path):
-    put_scenes(plan.scenes, store)
-    cell = Experiment.of(plan, tmp_path / "out", write=False).cells[0]
+    cell = cell_of(plan, tmp_path)
+    put_scenes([cell], store)
     shutil.rmtree(tmp_path / "storage")
     (tmp_path / "storage").write_text("no folder")
     outcome = StoredCells(store, RUN)(cell)
@@ -108,11 +112,25 @@ def test_tables_are_made_though_a_cell_cannot_be_brought(plan, store, control, m
 def test_a_scene_of_several_places_cannot_be_stored_and_says_why(plan, store, tmp_path):
     (tmp_path / "my.xml").write_text("<mujoco/>")
     scene = plan.scenes[0]
+    cell = cell_of(plan, tmp_path)
     for changed in (
         dataclasses.replace(scene, frozen=tmp_path / "elsewhere"),
         dataclasses.replace(scene, poses=tmp_path / "cameras.json"),
         dataclasses.replace(scene, robot=str(tmp_path / "my.xml")),
     ):
         with pytest.raises(ExperimentError, match="room"):
-            put_scenes([changed], store)
-    assert not (tmp_path / "storage/scenes").exists()
+            put_scenes([dataclasses.replace(cell, scene=changed)], store)
+    assert not (tmp_path / "storage").exists()
+
+
+def test_other_photographs_of_the_same_names_are_other_scenes(plan, store, control, machine, tmp_path):
+    first, _ = run_experiment(plan, tmp_path / "one", 1, program=PROGRAM, store=store)
+    done, imported = len(finished(control, "evaluate")), len(finished(control, "new"))
+    pictures(tmp_path / "other", 6, 10)
+    for index in range(6):
+        shutil.copy(tmp_path / f"other/{10 + index}.png", tmp_path / f"room/{index:02d}.png")
+    second, failures = run_experiment(plan, tmp_path / "two", 1, program=PROGRAM, store=store)
+    assert not failures and len(finished(control, "evaluate")) == 2 * done
+    assert len(finished(control, "new")) == 2 * imported
+    keys = [{record.key for record in found.records.values()} for found in (first, second)]
+    assert not keys[0] & keys[1]
