@@ -205,15 +205,15 @@ def bench_cluster(file: Path | None, **given: Any) -> None:
     _measure("cluster", file, **given)
 
 
-@bench.command("shared-conditions")
+@bench.command("shards")
 @_number("--frames", defaults.SHARED_FRAMES, "Frames that Blenders share.")
 @_number("--workers", defaults.SHARED_WORKERS, "Blenders, each pip's bpy with Cycles.")
 @_number("--triangles", defaults.CONDITIONS_TRIANGLES, "Triangles of a made-up room.")
 @click.option("--size", default=defaults.SHARED_SIZE, show_default=True, help="Width x height of the images.")
 @_figures_file
-def bench_shared_conditions(file: Path | None, **given: Any) -> None:
+def bench_shards(file: Path | None, **given: Any) -> None:
     """Render conditions by several Blenders that share the frames: how fast, and whether each frame once."""
-    _measure("shared_conditions", file, **given)
+    _measure("shards", file, **given)
 
 
 COMMANDS = (bench,)

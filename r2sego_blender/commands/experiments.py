@@ -6,6 +6,7 @@ import contextlib
 import functools
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,8 +19,20 @@ if TYPE_CHECKING:
     from ..experiments.prepared import DatasetChoice
 
 
+@dataclass(frozen=True)
+class RunOptions:
+    """How an experiment is run: in which ``folder``, by what, and what is told where."""
+
+    folder: Path
+    processes: int
+    cluster: str | None
+    store: str | None
+    dry_run: bool
+    output: Output
+
+
 def plan_options(command: Callable) -> Callable:
-    """How an experiment is run."""
+    """How an experiment is run, given as ``run``."""
     options = (
         click.option("--out", "folder", required=True, type=FOLDER, help="Folder of the experiment, made if missing."),
         click.option(
@@ -45,9 +58,22 @@ def plan_options(command: Callable) -> Callable:
         ),
         output_options("--json", "--json-progress"),
     )
+
+    @functools.wraps(command)
+    def run(
+        folder: Path,
+        processes: int,
+        cluster: str | None,
+        store: str | None,
+        dry_run: bool,
+        output: Output,
+        **given: Any,
+    ) -> None:
+        command(run=RunOptions(folder, processes, cluster, store, dry_run, output), **given)
+
     for option in reversed(options):
-        command = option(command)
-    return command
+        run = option(run)
+    return run
 
 
 def dataset_options(command: Callable) -> Callable:
@@ -86,17 +112,7 @@ def dataset_options(command: Callable) -> Callable:
 @click.argument("plan", type=ANY_PATH)
 @dataset_options
 @plan_options
-def experiment(
-    plan: Path,
-    data: Path | None,
-    choice: DatasetChoice,
-    folder: Path,
-    processes: int,
-    cluster: str | None,
-    store: str | None,
-    dry_run: bool,
-    output: Output,
-) -> None:
+def experiment(plan: Path, data: Path | None, choice: DatasetChoice, run: RunOptions) -> None:
     """Run every cell of the file PLAN that is not done yet, and write metrics.json, tables and figures.
 
     A cell is a scene with a count of captures, a preset and a seed: a bundle that is refined and evaluated. Started
@@ -114,30 +130,28 @@ def experiment(
             raise click.UsageError(f"Give the folder of {plan} with --data.")
         if choice != DatasetChoice():
             raise click.UsageError("Give --data, or take the options of data sets away.")
-        run_plan(Plan.load(plan), folder, processes, cluster, store, dry_run, output)
+        run_plan(Plan.load(plan), run)
         return
-    with ScratchFolder() if dry_run else contextlib.nullcontext(folder / SCENES) as place:
-        made = dataset_plan(str(plan), data, Path(place), choice, output.progress)
-        run_plan(made, folder, processes, cluster, store, dry_run, output)
+    with ScratchFolder() if run.dry_run else contextlib.nullcontext(run.folder / SCENES) as place:
+        run_plan(dataset_plan(str(plan), data, Path(place), choice, run.output.progress), run)
 
 
-def run_plan(
-    plan: Plan, folder: Path, processes: int, cluster: str | None, store: str | None, dry_run: bool, output: Output
-) -> None:
+def run_plan(plan: Plan, run: RunOptions) -> None:
     """Run a plan's cells, or say which there are."""
     from ..experiments.experiment import Experiment, run_experiment
     from ..experiments.object_store import ObjectStore
     from ..experiments.ray_runner import ray_runner
 
-    if cluster is not None and processes:
+    output = run.output
+    if run.cluster is not None and run.processes:
         raise click.UsageError("Give one of --processes and --ray.")
-    if dry_run:
-        found = Experiment.of(plan, folder, output.progress, write=False)
+    if run.dry_run:
+        found = Experiment.of(plan, run.folder, output.progress, write=False)
         output.show(_told(found, {}), _lines)
         return
-    opened = None if cluster is None else ray_runner(cluster, output.progress.message)
-    kept = None if store is None else ObjectStore.at(store)
-    found, failures = run_experiment(plan, folder, processes, output.progress, cluster=opened, store=kept)
+    opened = None if run.cluster is None else ray_runner(run.cluster, output.progress.message)
+    store = None if run.store is None else ObjectStore.at(run.store)
+    found, failures = run_experiment(plan, run.folder, run.processes, output.progress, cluster=opened, store=store)
     output.show(_told(found, failures), _lines)
     sys.exit(1 if failures and not output.as_events else 0)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from .experiments import plan_options, run_plan
+from .experiments import RunOptions, plan_options, run_plan
 from .options import ANY_PATH, FOLDER, Commands, Output, names_of, output_options, overrides_of
 
 PREPARED = {
@@ -30,19 +30,10 @@ def _prepared(name: str, told: str) -> click.Command:
     @click.option("--data", required=True, type=FOLDER, help="Folder of scenes, each with a cameras.json.")
     @click.option("--scenes", default="", metavar="NAME,NAME", help="Of the scenes in the folder these alone.")
     @plan_options
-    def command(
-        data: Path,
-        scenes: str,
-        folder: Path,
-        processes: int,
-        cluster: str | None,
-        store: str | None,
-        dry_run: bool,
-        output: Output,
-    ) -> None:
+    def command(data: Path, scenes: str, run: RunOptions) -> None:
         from ..experiments.prepared import prepared_plan
 
-        run_plan(prepared_plan(name, data, names_of(scenes)), folder, processes, cluster, store, dry_run, output)
+        run_plan(prepared_plan(name, data, names_of(scenes)), run)
 
     return command
 

@@ -7,9 +7,11 @@ import functools
 import shutil
 
 import pytest
+from click.testing import CliRunner
 from fake_experiment import PROGRAM, finished, pictures
 from progress_recorder import ProgressRecorder
 
+from r2sego_blender.commands.cli import main
 from r2sego_blender.core.errors import ExperimentError
 from r2sego_blender.experiments.experiment import Experiment, run_experiment
 from r2sego_blender.experiments.gathering import LATEX, MARKDOWN
@@ -134,3 +136,9 @@ def test_other_photographs_of_the_same_names_are_other_scenes(plan, store, contr
     assert len(finished(control, "new")) == 2 * imported
     keys = [{record.key for record in found.records.values()} for found in (first, second)]
     assert not keys[0] & keys[1]
+
+
+def test_storage_of_another_kind_is_refused_before_anything_is_made(plan_file, plan, tmp_path):
+    asked = ["experiment", str(plan_file), "--out", str(tmp_path / "out"), "--store", "ftp://rooms"]
+    result = CliRunner().invoke(main, asked)
+    assert result.exit_code != 0 and "s3://" in result.output and not (tmp_path / "out").exists()

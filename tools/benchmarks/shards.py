@@ -25,10 +25,10 @@ _TURN = 100
 """Frames of a turn, of all workers together."""
 
 _ROOT = Path(__file__).resolve().parents[2]
-_BLENDER = "tools.benchmarks.sharing_blender"
+_BLENDER = "tools.benchmarks.shard_worker"
 
 
-def bench_shared_conditions(
+def bench_shards(
     frames: int = SHARED_FRAMES,
     workers: int = SHARED_WORKERS,
     triangles: int = CONDITIONS_TRIANGLES,

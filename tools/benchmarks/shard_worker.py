@@ -1,6 +1,6 @@
 """A worker of the benchmark of shared conditions: a process with pip's bpy, its figures in ``worker_N.json``.
 
-python -m tools.benchmarks.sharing_blender FOLDER FRAMES WORKERS WIDTHxHEIGHT N
+python -m tools.benchmarks.shard_worker FOLDER FRAMES WORKERS WIDTHxHEIGHT N
 """
 
 import resource
@@ -15,7 +15,7 @@ from r2sego_blender.bridge.generation.conditions import ConditionScene, render_s
 from r2sego_blender.core.json_files import write_json
 from r2sego_blender.geometry.proxy.proxy import GeometryProxy
 
-from .shared_conditions import turns
+from .shards import turns
 from .workloads import made_up_path, made_up_room, parse_size
 
 
