@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import errno
+import math
 import sys
+import time
 from typing import IO
 
 from .errors import SceneError
+
+_PAUSE_S = 0.2
 
 
 def try_lock(file: IO) -> bool:
@@ -31,4 +35,14 @@ def try_lock(file: IO) -> bool:
             where=file.name,
             cure="Work on a disk of this machine, or have the network disk mounted with locks.",
         ) from error
+    return True
+
+
+def wait_for_lock(file: IO, patience_s: float = math.inf) -> bool:
+    """As ``try_lock``, waiting so long for whoever holds the lock; whether it came free."""
+    until_s = time.monotonic() + patience_s
+    while not try_lock(file):
+        if time.monotonic() > until_s:
+            return False
+        time.sleep(_PAUSE_S)
     return True

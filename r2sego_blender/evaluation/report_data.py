@@ -219,9 +219,8 @@ class ReportData:
     in the order of the table; the last, refined, is the headline, and ``baseline`` is the key of
     the arm it is compared with, the strongest of others. ``scored_rounds`` are in order;
     ``error_split`` is None where nothing was scored. ``generator`` says how its own frames score,
-    ``unseen_told`` what share of the pixels
-    no capture saw, ``geometry`` lines of its errors. ``provenance`` are the proxy's
-    shares, {"observed": 0.6, ...}. ``timings`` are (step, seconds) in the order they ran.
+    ``unseen_told`` what share of the pixels no capture saw, ``geometry`` lines of its errors. ``provenance``
+    are the proxy's shares, {"observed": 0.6, ...}. ``timings`` are (step, seconds) in the order they ran.
     """
 
     title: str

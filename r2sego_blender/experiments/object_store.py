@@ -94,11 +94,11 @@ class ObjectStore:
         With ``wanted`` those files alone. A folder that holds it already is left as it is. Raises ExperimentError for
         a list or a file that is damaged.
         """
-        if not self.has(name):
-            return False
         try:
             with self._files.open(f"{self._root}/{name}.json", "rb") as source:
                 listed = source.read(_LONGEST_LIST)
+        except FileNotFoundError:
+            return False
         except Exception as error:
             raise self._failed(name, error) from error
         if (folder / _MARK).is_file() and (folder / _MARK).read_bytes() == listed:

@@ -20,7 +20,7 @@ from ..bundle.layout import COLLISION, GROUND_PICTURES, REFINED_ASSET
 from ..bundle.scene import Scene
 from ..core.atomic_files import UNFINISHED, linked, remove, rename
 from ..core.errors import ExperimentError, R2SEgoError
-from ..core.file_locks import try_lock
+from ..core.file_locks import wait_for_lock
 from ..workers.child import RUNNING, forget
 from ..workers.engine import LIBRARY, engine_environment
 from ..workers.processes import DYING_WITH_PARENT
@@ -36,7 +36,6 @@ PROGRAM = (sys.executable, "-m", LIBRARY.name)
 """What a cell's commands are given to."""
 
 _THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-_LOCK_PAUSE_S = 0.2
 _RESULTS = ("rounds", "report", REFINED_ASSET, COLLISION)
 _LAST_WORDS = 300
 
@@ -79,14 +78,11 @@ def run_cell(cell: Cell, program: Sequence[str] = PROGRAM, patience_s: float = 6
 @contextlib.contextmanager
 def _alone(cell: Cell, patience_s: float) -> Iterator[None]:
     """Within its ``with`` block no other process does the cell. Raises ExperimentError where one keeps on doing it."""
-    until_s = time.monotonic() + patience_s
     with (cell.folder / LOCK).open("ab") as file:
-        while not try_lock(file):
-            if time.monotonic() > until_s:
-                raise ExperimentError(
-                    "another process does this cell", where=cell.name, cure="Wait until it has ended, or end it."
-                )
-            time.sleep(_LOCK_PAUSE_S)
+        if not wait_for_lock(file, patience_s):
+            raise ExperimentError(
+                "another process does this cell", where=cell.name, cure="Wait until it has ended, or end it."
+            )
         yield
 
 

@@ -6,14 +6,13 @@ import contextlib
 import hashlib
 import json
 import re
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from ..core.atomic_files import remove
 from ..core.errors import ExperimentError, R2SEgoError
-from ..core.file_locks import try_lock
+from ..core.file_locks import wait_for_lock
 from ..core.user_configuration import cache_folder
 from .cells import Cell
 from .object_store import ObjectStore
@@ -21,7 +20,6 @@ from .records import RECORD, Record, read_record
 from .running import Outcome, RunCell
 
 _OF_TABLES = re.compile(r"record\.json|log\.txt|bundle\.r2s/(scene\.toml|journal\.jsonl|report/.*(?<!\.ply))")
-_LOCK_PAUSE_S = 0.2
 _ABOVE = 4  # a cell's folder is EXPERIMENT/cells/PRESET/SCENE/COUNT/seed_S
 
 
@@ -136,6 +134,5 @@ def _alone(root: Path) -> Iterator[None]:
     """Within its ``with`` block no other process of this machine takes anything from storage."""
     root.mkdir(parents=True, exist_ok=True)
     with (root / ".lock").open("ab") as file:
-        while not try_lock(file):
-            time.sleep(_LOCK_PAUSE_S)
+        wait_for_lock(file)
         yield

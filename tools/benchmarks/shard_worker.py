@@ -1,6 +1,6 @@
 """A worker of the benchmark of shared conditions: a process with pip's bpy, its figures in ``worker_N.json``.
 
-python -m tools.benchmarks.shard_worker FOLDER FRAMES WORKERS WIDTHxHEIGHT N
+It is given FOLDER FRAMES WORKERS WIDTHxHEIGHT N by ``shards``.
 """
 
 import resource
