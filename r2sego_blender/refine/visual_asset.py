@@ -38,6 +38,10 @@ _AGREEMENT_SCALE = 0.12
 
 _AGREEMENT_WINDOW_PX = 5
 
+_LEAST_SHARE = 0.1
+"""A generated view is drawn as if at least this share of its pixels taught something, so that no draw
+of it counts more than ten times a capture's."""
+
 _SLOWEST_ROUND = 2
 """The round, counted from 0, from which on learning rates fall no more."""
 
@@ -159,18 +163,31 @@ def update_visual_asset(
     title = "Training on captures"
     asset = train(asset, real, first, settings, rng, progress, title, shown_from(real, title, progress))
     anchors = [dataclasses.replace(o, draws=settings.capture_oversampling) for o in real]
-    synthetic = [
-        dataclasses.replace(
-            _observation(p.view, backdrop, settings, weight=settings.synthetic_weight),
-            confidence=agreement(asset, p),
-            refines_exposure=settings.exposure_learning_rate > 0.0,
-            refines_pose=settings.pose_learning_rate > 0.0,
-        )
-        for p in pseudo_observations
-    ]
+    taught = pseudo_observations if settings.synthetic_weight > 0.0 else ()
+    synthetic = [_pseudo_observation(p, asset, backdrop, settings) for p in taught]
     rest = settings.steps_per_round - first
     title, both = "Training on all views", [*anchors, *synthetic]
     return train(asset, both, rest, settings, rng, progress, title, shown_from(both, title, progress))
+
+
+def _pseudo_observation(
+    pseudo: PseudoView, asset: SplatAsset, backdrop: SplatAsset, settings: TrainingSettings
+) -> Observation:
+    """A generated view as training sees it beside captures: drawn as often as it has something to teach.
+
+    Each pixel's gradient counts w_syn times its agreement with ``asset``, over all draws together. A view
+    of little weight is drawn seldom in place of being looked at often for little: those steps are the
+    captures', which would otherwise not be learnt to the end.
+    """
+    trust = agreement(asset, pseudo)
+    share = max(float(trust.mean()), _LEAST_SHARE)
+    return dataclasses.replace(
+        _observation(pseudo.view, backdrop, settings, weight=1.0 / share),
+        draws=settings.synthetic_weight * share,
+        confidence=trust,
+        refines_exposure=settings.exposure_learning_rate > 0.0,
+        refines_pose=settings.pose_learning_rate > 0.0,
+    )
 
 
 def _observation(view: DepthView, backdrop: SplatAsset, settings: TrainingSettings, weight: float) -> Observation:

@@ -118,6 +118,28 @@ def test_an_update_covers_what_only_a_generated_view_shows():
     assert coverage(asset, aside) > 0.95
 
 
+def test_a_generated_view_is_drawn_as_often_as_it_weighs(monkeypatch):
+    """Over all draws a pixel counts w_syn times its agreement, whatever the rest of its view is worth."""
+    asset = grow(SplatAsset.empty(), [wall_view(0.0)], SETTINGS, np.random.default_rng(0))
+    shown = [pseudo(wall_view(0.1, shade)) for shade in (0.0, 0.1, 0.5)]
+    trained = []
+
+    def train(asset, observations, *others):
+        trained.append((asset, observations))
+        return asset
+
+    monkeypatch.setattr("r2sego_blender.refine.visual_asset.train", train)
+    settings = dataclasses.replace(SETTINGS, synthetic_weight=0.7)
+    update_visual_asset(asset, SplatAsset.empty(), [wall_view(0.0)], shown, settings, np.random.default_rng(0))
+    _, (grown, (capture, *views)) = trained
+    assert capture.draws == SETTINGS.capture_oversampling
+    for one, view in zip(shown, views, strict=True):
+        np.testing.assert_allclose(view.draws * view.weight * view.confidence, 0.7 * agreement(grown, one), rtol=1e-5)
+    draws = [view.draws for view in views]
+    assert draws == sorted(draws, reverse=True)
+    assert draws[0] > 5.0 * draws[2]
+
+
 @pytest.mark.parametrize(
     ("real_weight", "synthetic_weight", "draws", "captures_first", "shade", "learnt"),
     [
@@ -126,6 +148,7 @@ def test_an_update_covers_what_only_a_generated_view_shows():
         (1.0, 2.0, 1, 0.0, 0.05, "generated"),
         (1.0, 8.0, 3, 0.0, 0.05, "generated"),
         (0.1, 0.5, 3, 0.0, 0.05, "generated"),
+        (1.0, 0.0, 1, 0.0, 0.05, "capture"),  # of no weight, a generated view is never drawn
         (1.0, 8.0, 3, 1.0, 0.05, "capture"),  # all steps see the captures alone
         (1.0, 8.0, 3, 0.0, 0.2, "capture"),  # so far from the asset, the generated view hardly counts
     ],

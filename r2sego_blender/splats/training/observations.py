@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,8 +25,8 @@ class Observation:
     ``image`` (H, W, 3) float32 in [0, 1] of the camera's size, or a function that loads it
     each time it is needed; ``weight`` multiplies the image's loss; ``confidence`` (H, W)
     float32 in [0, 1], or a function that loads it, if given, multiplies each pixel's gradient
-    (0 masks it out); ``draws`` is how often the image comes in each shuffled pass over all
-    observations (oversampling of captures); ``background`` (H, W, 3) float32 is what stands
+    (0 masks it out); ``draws``, above 0, is how often the image comes on average in each shuffled
+    pass over all observations: the fewer, the less it is learnt from; ``background`` (H, W, 3) float32 is what stands
     behind the Gaussians, black if not given; where ``opaque`` (H, W) float32 is 1, a surface is
     known to be, and the Gaussians must hide what stands behind them.
 
@@ -41,7 +42,7 @@ class Observation:
     image: ImageSource
     weight: float = 1.0
     confidence: ImageSource | None = None
-    draws: int = 1
+    draws: float = 1.0
     background: np.ndarray | None = None
     opaque: np.ndarray | None = None
     depth: np.ndarray | None = None
@@ -51,6 +52,8 @@ class Observation:
     refines_pose: bool = False
 
     def __post_init__(self) -> None:
+        if not 0.0 < self.draws < math.inf:
+            raise AssetError(f"an observation is drawn {self.draws} times", cure="Give a number above 0, or leave it out.")
         if isinstance(self.image, np.ndarray):
             self._check("image", self.image, (*self.camera.shape, 3))
         if isinstance(self.confidence, np.ndarray):

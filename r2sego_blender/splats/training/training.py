@@ -8,6 +8,7 @@ handful of photographs from being learnt by heart: each step does without some G
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -35,6 +36,8 @@ from .supervision import depth_gradients
 _BLACK = (0.0, 0.0, 0.0)
 
 Watch = Callable[[int, Callable[[], PackedGaussians]], bool]
+
+_GOLDEN_RATIO = 0.5 * (math.sqrt(5.0) - 1.0)
 
 _SCENE_MARGIN = 1.1
 """3DGS: a scene's extent is this times the largest distance of a camera from their middle."""
@@ -243,7 +246,13 @@ def _extent_m(asset: SplatAsset, observations: Sequence[Observation]) -> float:
 
 
 def _shuffled(observations: Sequence[Observation], rng: np.random.Generator) -> Iterator[int]:
-    """Indices without end: each pass names every observation ``draws`` times."""
-    indices = np.repeat(np.arange(len(observations)), [max(1, view.draws) for view in observations])
-    while True:
-        yield from rng.permutation(indices).tolist()
+    """Indices without end: pass after pass, shuffled, that name every observation ``draws`` times on average.
+
+    One with a fraction comes in some passes once more. Each starts elsewhere in its count (multiples of
+    the golden ratio), so that those of one fraction do not all come in the same passes.
+    """
+    draws = np.array([view.draws for view in observations])
+    phases = np.arange(len(draws)) * _GOLDEN_RATIO % 1.0
+    for done in itertools.count():
+        times = np.floor((done + 1) * draws + phases) - np.floor(done * draws + phases)
+        yield from rng.permutation(np.repeat(np.arange(len(draws)), times.astype(int))).tolist()

@@ -1,11 +1,14 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from splat_reference import random_asset, small_camera
 
 from r2sego_blender.config.presets import EVERY_PIXEL, UNREGULARISED
@@ -148,6 +151,32 @@ def test_an_observation_is_drawn_as_often_as_it_says() -> None:
     stream = _shuffled(views, np.random.default_rng(0))
     drawn = np.array([next(stream) for _ in range(40)]).reshape(10, 4)
     assert ((drawn == 0).sum(axis=1) == 3).all()
+
+
+@given(st.lists(st.floats(0.01, 3.0), max_size=8), st.integers(0, 2**32 - 1))
+@settings(max_examples=25, deadline=None)
+def test_an_observation_is_drawn_a_fraction_of_a_time_on_average_and_evenly(fractions: list[float], seed: int) -> None:
+    """One of a whole draw marks the passes: after any number of them each has come within one of its share."""
+    from r2sego_blender.splats.training.training import _shuffled
+
+    _, _, views = scene()
+    many = [dataclasses.replace(views[0], draws=draws) for draws in (1.0, *fractions)]
+    passes, counts = 0, np.zeros(len(many), int)
+    stream = _shuffled(many, np.random.default_rng(seed))
+    while passes < 30:
+        index = next(stream)
+        counts[index] += 1
+        passes += index == 0
+    # A pass may be cut off at the marker, or go on behind it: one pass more or less.
+    apart = counts[1:] - passes * np.array(fractions)
+    assert (np.abs(apart) <= 1.0 + np.array(fractions)).all()
+
+
+@pytest.mark.parametrize("draws", [0.0, -1.0, math.inf, math.nan])
+def test_an_observation_that_never_comes_is_refused(draws: float) -> None:
+    _, _, views = scene()
+    with pytest.raises(AssetError):
+        dataclasses.replace(views[0], draws=draws)
 
 
 def test_rates_swing_around_what_is_set_and_the_means_decay_besides() -> None:
