@@ -53,7 +53,9 @@ class Observation:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.draws < math.inf:
-            raise AssetError(f"an observation is drawn {self.draws} times", cure="Give a number above 0, or leave it out.")
+            raise AssetError(
+                f"an observation is drawn {self.draws} times", cure="Give a number above 0, or leave it out."
+            )
         if isinstance(self.image, np.ndarray):
             self._check("image", self.image, (*self.camera.shape, 3))
         if isinstance(self.confidence, np.ndarray):
