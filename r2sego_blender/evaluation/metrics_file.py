@@ -10,6 +10,8 @@
                 {"round": 1, "psnr": 24.9087, "ssim": 0.8259, "mark": "0.21 dB below round 0"},
                 {"round": 2, "psnr": null, "ssim": null, "missing": "rounds/2/asset.ply: ..."}],
      "generator": {"psnr": 25.4019, "ssim": 0.8301},
+     "generated_views": {"removed": 0.031, "elsewhere": 0.004,
+                         "views": [{"round": 0, "rank": 0, "removed": 0.011}, ...]},
      "causes": {"told_by": "the true room's mesh",
                 "shares": [{"cause": "wrong_depth", "label": "wrong depth", "error": 0.41,
                             "pixels": 0.12, "psnr": 17.31, "mended_by": "..."}, ...],
@@ -17,7 +19,8 @@
      "assets": {"asset.ply": "<SHA-256>", "rounds/0/asset.ply": ...}}
 
 What captures saw and what not, and errors of geometry, are there where they could be told (``surface_scores``).
-``generator`` is empty where its own frames were not scored.
+``generator`` is empty where its own frames were not scored, ``generated_views`` (``view_influence``) where
+what they did cannot be told.
 A score that is no finite number (the PSNR of two equal images) is ``null``, and so is what
 cannot be told of a cause. ``causes`` may have a ``note``; where there are none at all, it is
 ``{"unavailable": "why"}``. ``assets`` are the digests of what was scored, as the journal has them.

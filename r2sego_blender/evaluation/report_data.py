@@ -159,7 +159,9 @@ class Target:
 
     ``generated`` is the frame that was kept of the clip; ``offset_m`` and ``turn_deg`` are
     between the query pose and the pose that registration found; ``verdict`` says in words
-    why the frame was kept or rejected.
+    why the frame was kept or rejected. Of one that was trained on: ``new`` in [0, 1], the share of its pixels that
+    the asset did not show before, PSNR to the frame before and after the round, and ``removed``, the
+    share of the frozen views' squared error that it took away.
     """
 
     name: str
@@ -173,6 +175,10 @@ class Target:
     inliers: int | None = None
     offset_m: float | None = None
     turn_deg: float | None = None
+    new: float | None = None
+    psnr_before: float | None = None
+    psnr_after: float | None = None
+    removed: float | None = None
 
 
 @dataclass(frozen=True)
@@ -219,8 +225,9 @@ class ReportData:
     in the order of the table; the last, refined, is the headline, and ``baseline`` is the key of
     the arm it is compared with, the strongest of others. ``scored_rounds`` are in order;
     ``error_split`` is None where nothing was scored. ``generator`` says how its own frames score,
-    ``unseen_told`` what share of the pixels no capture saw, ``geometry`` lines of its errors. ``provenance``
-    are the proxy's shares, {"observed": 0.6, ...}. ``timings`` are (step, seconds) in the order they ran.
+    ``influence`` what its views did, ``unseen_told`` what share of the pixels no capture saw, ``geometry`` lines of
+    its errors. ``provenance`` are the proxy's shares, {"observed": 0.6, ...}. ``timings`` are (step, seconds) in the
+    order they ran.
     """
 
     title: str
@@ -230,6 +237,7 @@ class ReportData:
     baseline: str = "vanilla_3dgs"
     lpips_reason: str = ""
     generator: str = ""
+    influence: str = ""
     unseen_told: str = ""
     geometry: tuple[str, ...] = ()
     backends: tuple[Backend, ...] = ()

@@ -27,7 +27,7 @@ from ..core.progress import SILENT, Progress
 from ..geometry.stereo.stereo import DEPTH
 from ..splats.asset import SplatAsset
 from ..splats.formats.ply import load_made
-from . import generator_score, round_scores, scene_causes
+from . import generator_score, round_scores, scene_causes, view_influence
 from .arms import ARMS, REFINED
 from .cause_figures import report_causes
 from .distinct_views import require_distinct, seen_in_training
@@ -96,6 +96,7 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress, arms: Sequence[st
     rounds = score_rounds(scene, views, progress)
     generator = score_generator(scene, views, progress)
     images = {arm: [pictures[view.name] for view in views] for arm, pictures in renderings.items()}
+    influence = view_influence.view_influence(scene, views, images, depths[REFINED], progress)
     surfaces = _surfaces(scene, frozen, views, progress)
     causes: SceneCauses | str = surfaces if isinstance(surfaces, str) else ""
     figures: dict[str, ArmFigures] = {}
@@ -109,13 +110,14 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress, arms: Sequence[st
         figures,
         rounds=round_scores.as_entries(rounds),
         generator=generator,
+        generated_views=influence,
         causes=scene_causes.as_entry(causes),
         assets=_scored(scene, arms),
     )
     unseen = [] if isinstance(surfaces, str) else [~view.seen for view in surfaces.views]
     shown = _pictures(views, scores, renderings, figures, unseen)
     split = report_causes(causes, scores[REFINED], shown)
-    write_scene_report(scene, scores, shown, rounds, split, figures, generator_score.told(generator))
+    write_scene_report(scene, scores, shown, rounds, split, figures, generator_score.told(generator), influence)
     return metrics
 
 
@@ -150,8 +152,9 @@ def table(metrics: Mapping[str, Any]) -> str:
         lines.append(line + (f"{seen:>9}{unseen:>11}" if regions else ""))
     lines += round_scores.lines(metrics["rounds"])
     lines.append(f"mean over {len(told['views'])} frozen views")
-    told_of_generator = generator_score.told(metrics.get("generator", {}))
-    lines += [*filter(None, [told_of_generator, unseen_told(told)]), *geometry_lines(told)]
+    of_generator = generator_score.told(metrics.get("generator", {}))
+    of_views = view_influence.told(metrics.get("generated_views", {}))
+    lines += [*filter(None, [of_generator, of_views, unseen_told(told)]), *geometry_lines(told)]
     return "\n".join([*lines, "", *scene_causes.lines(metrics["causes"])])
 
 

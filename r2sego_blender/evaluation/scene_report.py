@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..bundle.backends import WITH_RECORDED
+from ..bundle.figures import COUNTS, damaged
 from ..bundle.layout import REPORT_PAGE, of_round
 from ..bundle.scene import Scene
 from ..captures.capture import Capture
@@ -18,9 +19,11 @@ from ..config.presets import entries
 from ..generation.conditions.condition_files import load_conditions
 from ..generation.view_records import ViewRecord, read_views
 from ..geometry.proxy.proxy import PROXY, GeometryProxy, Provenance
+from ..refine.view_effect import ViewEffect, effects_by_rank
 from ..results.status import robot_in_use, scores_hold
 from ..robot.rollouts.rollout import ROLLOUTS
 from ..views.selection import SELECTION, Selection
+from . import view_influence
 from .arms import ARMS, REFINED, strongest_baseline
 from .figures import camera_map, depth_picture, top_view
 from .frozen import ArmScore
@@ -76,8 +79,12 @@ def write_scene_report(
     error_split: ErrorSplit | None = None,
     figures: Mapping[str, ArmFigures] = MappingProxyType({}),
     generator: str = "",
+    influence: Mapping[str, Any] = MappingProxyType({}),
 ) -> Path:
-    """Write ``report/index.html`` from what the bundle holds, with scores where there are some."""
+    """Write ``report/index.html`` from what the bundle holds, with scores where there are some.
+
+    ``influence`` is what generated views did on the frozen ones (``view_influence``).
+    """
     declared = scene.declaration
     rounds = range(scene.rounds_of_result())
     last = scene.read(PROXY.of_round(rounds[-1])) if rounds else None
@@ -102,6 +109,7 @@ def write_scene_report(
             baseline=strongest_baseline({key: score.psnr for key, score in (scores or {}).items()}),
             lpips_reason=next(iter(reasons), ""),
             generator=generator,
+            influence=view_influence.told(influence),
             unseen_told=unseen_told(refined),
             geometry=tuple(geometry_lines(refined)),
             backends=tuple(_backend(slot, name) for slot, name in scene.backends.items()),
@@ -111,7 +119,7 @@ def write_scene_report(
             ),
             error_split=error_split,
             frozen=tuple(frozen),
-            rounds=tuple(_round(scene, index) for index in rounds),
+            rounds=tuple(_round(scene, index, influence) for index in rounds),
             provenance={} if last is None else _provenance(last),
             collision=_collision(scene),
             settings=_settings(scene),
@@ -146,7 +154,7 @@ def _provenance(proxy: GeometryProxy) -> dict[str, float]:
     return {kind.name.lower(): float(area[proxy.provenance == kind].sum()) / total for kind in there}
 
 
-def _round(scene: Scene, index: int) -> Round:
+def _round(scene: Scene, index: int, influence: Mapping[str, Any]) -> Round:
     proxy = scene.read(PROXY.of_round(index))
     selection, candidates = scene.read(SELECTION.of_round(index))
     poses = np.stack([camera.world_from_camera for camera in candidates])
@@ -154,6 +162,8 @@ def _round(scene: Scene, index: int) -> Round:
     budget = scene.declaration.settings.selection.target_views
     plan = top_view(proxy)
     views = read_views(scene.path / of_round(index, "views"), budget)
+    effects = _effects(scene, index)
+    removed = {view["rank"]: view["removed"] for view in influence.get("views", ()) if view["round"] == index}
     return Round(
         number=index,
         rollouts=tuple(
@@ -168,7 +178,9 @@ def _round(scene: Scene, index: int) -> Round:
         candidates=CandidateCurves(
             selection.deficit, selection.availability, selection.score, selection.rollout, selection.targets
         ),
-        targets=tuple(_target(view, selection, captures) for view in views),
+        targets=tuple(
+            _target(view, selection, captures, effects.get(view.rank), removed.get(view.rank)) for view in views
+        ),
         proxy_picture=plan.image,
         camera_map=camera_map(
             plan, [c.camera for c in captures], poses, selection.targets, [one.camera for one in selection.photographs]
@@ -177,7 +189,24 @@ def _round(scene: Scene, index: int) -> Round:
     )
 
 
-def _target(view: ViewRecord, selection: Selection, captures: Sequence[Capture]) -> Target:
+def _effects(scene: Scene, index: int) -> dict[int, ViewEffect]:
+    """What the round's update made of its views; none of a round that was cut off before its counts."""
+    counts = COUNTS.of_round(index)
+    if not (scene.path / counts.name).is_file():
+        return {}
+    try:
+        return effects_by_rank(scene.read(counts).get("views", ()))
+    except (LookupError, TypeError, ValueError) as error:
+        raise damaged(scene.path / counts.name, "what its views did is missing or wrong") from error
+
+
+def _target(
+    view: ViewRecord,
+    selection: Selection,
+    captures: Sequence[Capture],
+    effect: ViewEffect | None,
+    removed: float | None,
+) -> Target:
     conditions = load_conditions(view.folder / "conditions")
     frame = view.folder / "frame.png"
     photographs = {capture.name: capture.image_path for capture in captures}
@@ -194,6 +223,10 @@ def _target(view: ViewRecord, selection: Selection, captures: Sequence[Capture])
         inliers=None if inliers is None else int(inliers),
         offset_m=view.figures.get("offset_m"),
         turn_deg=view.figures.get("turn_deg"),
+        new=None if effect is None else effect.new,
+        psnr_before=None if effect is None else effect.psnr_before,
+        psnr_after=None if effect is None else effect.psnr_after,
+        removed=removed,
     )
 
 

@@ -54,6 +54,7 @@ from ..views.selection import SELECTION, SelectedViews
 from .behaviour import DeclaredBehaviour
 from .capture_steps import AlignedPriors, Captures, CaptureSteps, RegisteredCaptures
 from .depths import completed_depths, proxy_depths, reliable_depths
+from .view_effect import view_effect
 from .visual_asset import PseudoView, settings_of_round, update_visual_asset
 
 Views = Artifact[tuple[PseudoObservation, ...]]
@@ -356,7 +357,7 @@ class Steps(CaptureSteps):
         )
         if pseudo_observations:
             made_of = (ROLLOUTS.of_round(l), SELECTION.of_round(l), VIEWS.of_round(l))
-            self._make(COUNTS.of_round(l), _count, refined, *made_of)
+            self._make(COUNTS.of_round(l), _count, asset, refined, priors.backdrop, *made_of)
         return refined
 
     # ---- line 14
@@ -400,7 +401,12 @@ class Steps(CaptureSteps):
 
 
 def _count(
-    asset: SplatAsset, rollouts: Sequence[Rollout], selected: SelectedViews, views: Sequence[PseudoObservation]
+    before: SplatAsset,
+    asset: SplatAsset,
+    backdrop: SplatAsset,
+    rollouts: Sequence[Rollout],
+    selected: SelectedViews,
+    views: Sequence[PseudoObservation],
 ) -> dict[str, Any]:
     selection = selected.selection
     return {
@@ -412,4 +418,5 @@ def _count(
         "mean_deficit": round(float(selection.deficit.mean()), 6),
         "mean_availability": round(float(selection.availability.mean()), 6),
         "gaussians": len(asset),
+        "views": [view_effect(view, before, asset, backdrop).to_json() for view in views],
     }

@@ -25,7 +25,7 @@ from ..splats.training.observations import Observation
 from ..splats.training.training import train
 from ..splats.training.training_pictures import shown_from
 
-_MISSING_ALPHA = 0.8
+MISSING_ALPHA = 0.8
 """Below this alpha the asset renders too little to train on. The setting ``selection.alpha_threshold``,
 by default the same, is for the choice of views alone."""
 
@@ -86,7 +86,7 @@ def grow(
     """
     asset = _within(asset, settings.max_gaussians, rng)
     for view in views:
-        missing = render(asset, view.camera).alpha < _MISSING_ALPHA
+        missing = render(asset, view.camera).alpha < MISSING_ALPHA
         stride_px = math.ceil(_FILL_COARSENESS * _mean_stride(view.stride_px, view.detailed_share))
         added = from_depth(view.camera, view.depth, view.image, stride_px, missing)
         room = settings.max_gaussians - len(asset)
@@ -121,7 +121,7 @@ def agreement(asset: SplatAsset, pseudo: PseudoView) -> np.ndarray:
     apart = np.abs(now.colour - view.image).mean(axis=2)
     apart = cv2.blur(apart, (_AGREEMENT_WINDOW_PX, _AGREEMENT_WINDOW_PX))
     agreeing = np.exp(-((apart / _AGREEMENT_SCALE) ** 2))
-    return np.where(now.alpha >= _MISSING_ALPHA, agreeing * pseudo.confidence, pseudo.confidence)
+    return np.where(now.alpha >= MISSING_ALPHA, agreeing * pseudo.confidence, pseudo.confidence)
 
 
 def settings_of_round(settings: TrainingSettings, index: int) -> TrainingSettings:

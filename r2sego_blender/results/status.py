@@ -123,7 +123,7 @@ def _counted_rounds(scene: Scene) -> Iterator[int]:
     )
 
 
-def _describe_round(scene: Scene, index: int) -> dict[str, int]:
+def _describe_round(scene: Scene, index: int) -> dict[str, Any]:
     made = COUNTS.of_round(index)
     counts = scene.read(made)
     missing = _COUNTS - counts.keys()

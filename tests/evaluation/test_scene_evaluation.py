@@ -48,7 +48,7 @@ def evaluated(tmp_path, monkeypatch):
             save_ply(scene.path / ARMS[arm].asset, splats(0.9)) for arm in TRAINED if arm in arms
         ],
     )
-    monkeypatch.setattr(scene_report, "_round", lambda scene, index: Round(index))
+    monkeypatch.setattr(scene_report, "_round", lambda scene, index, influence: Round(index))
     return scene, tmp_path / "cameras.json"
 
 
