@@ -40,6 +40,13 @@ VANILLA_3DGS: Mapping[str, Any] = {
 What is counted in steps there keeps its number, what ends at a step its share of them.
 """
 
+SPARSE_STABLE_SH3: Mapping[str, Any] = {**VANILLA_3DGS, "densification": "none"}
+"""TrainingSettings of the paper's GaussGym condition, "sparse-stable SH3", of which it tells no more.
+
+GaussGym trains nerfstudio's splatfacto, whose rates are the original's. Of few photographs, additions by
+gradient and resets of opacity are what does not stay stable.
+"""
+
 MANY_PHOTOGRAPHS: Mapping[str, Any] = {
     **UNREGULARISED,
     "first_gaussians": "discs",

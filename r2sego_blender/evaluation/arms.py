@@ -11,7 +11,7 @@ from ..bundle.layout import INITIAL_ASSET, REFINED_ASSET
 from ..config.declared_files import did_you_mean
 from ..core.errors import SettingsError
 
-INITIAL, VANILLA, SAME_POINTS, WITHOUT_GENERATED, REFINED = (
+INITIAL, VANILLA, GAUSSGYM, SAME_POINTS, WITHOUT_GENERATED, REFINED = (
     "initial",
     *BASELINES,
     "without_generated_views",
@@ -32,6 +32,11 @@ ARMS: Mapping[str, ArmSource] = {
     INITIAL: ArmSource("initial asset", INITIAL_ASSET, "reliable stereo of the captures, untrained"),
     VANILLA: ArmSource(
         "vanilla 3DGS", "report/vanilla_3dgs.ply", "the same observed points, captures and number of steps"
+    ),
+    GAUSSGYM: ArmSource(
+        "GaussGym condition",
+        "report/gaussgym.ply",
+        "the same at the original's rates with harmonics of degree 3, none added: sparse-stable SH3",
     ),
     SAME_POINTS: ArmSource(
         "same points", "report/same_points.ply", "the same again at this project's rates, without densification"

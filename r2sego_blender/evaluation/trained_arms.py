@@ -11,7 +11,7 @@ from ..bundle.runner import Runner
 from ..bundle.scene import Scene
 from ..captures.capture import Capture
 from ..captures.store import CAPTURES
-from ..config.presets import VANILLA_3DGS
+from ..config.presets import SPARSE_STABLE_SH3, VANILLA_3DGS
 from ..config.training_settings import TrainingSettings
 from ..core.progress import SILENT, Progress
 from ..geometry.stereo.observed_geometry import OBSERVED, ObservedGeometry
@@ -21,7 +21,7 @@ from ..refine.visual_asset import vanilla_asset
 from ..splats.artifacts import INITIAL_ASSET, REFINED_ASSET
 from ..splats.asset import SplatAsset
 from ..splats.training.observations import Observation
-from .arms import ARMS, SAME_POINTS, VANILLA, WITHOUT_GENERATED
+from .arms import ARMS, GAUSSGYM, SAME_POINTS, VANILLA, WITHOUT_GENERATED
 
 
 def train_arms(scene: Scene, progress: Progress = SILENT, arms: Collection[str] = tuple(ARMS)) -> None:
@@ -29,6 +29,8 @@ def train_arms(scene: Scene, progress: Progress = SILENT, arms: Collection[str] 
     training = scene.declaration.settings.training
     if VANILLA in arms:
         train_baseline(scene, VANILLA, replace(training, **VANILLA_3DGS), progress)
+    if GAUSSGYM in arms:
+        train_baseline(scene, GAUSSGYM, replace(training, **SPARSE_STABLE_SH3), progress)
     if SAME_POINTS in arms:
         train_baseline(scene, SAME_POINTS, training, progress)
     if WITHOUT_GENERATED in arms:
@@ -38,8 +40,8 @@ def train_arms(scene: Scene, progress: Progress = SILENT, arms: Collection[str] 
 def train_baseline(scene: Scene, arm: str, training: TrainingSettings, progress: Progress = SILENT) -> None:
     """3DGS from the same observed points and captures, with the refinement's total number of steps.
 
-    Vanilla's rates, densification and resolution are the original 3DGS'; the same points have this project's,
-    which never densify.
+    Vanilla's rates, densification and resolution are the original 3DGS', the GaussGym condition's the same but that
+    none is added; the same points have this project's, which never densify.
     """
     h = scene.declaration.settings
     steps = h.rounds * h.training.steps_per_round

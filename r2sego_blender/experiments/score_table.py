@@ -227,7 +227,7 @@ def latex(rows: Sequence[Row], notes: Sequence[str]) -> str:
 _ABOUT = (
     "Mean ± sample standard deviation over seeds.",
     "SEM: standard error of PSNR over a scene's views, each averaged over seeds first.",
-    "Differences are paired by seed, to the stronger of the methods of others in the same scene and count.",
+    "Differences are paired by seed, to the strongest of the methods of others in the same scene and count.",
     f"Brackets are Student's {CONFIDENCE:.0%} interval, from two pairs on. Nothing is interpolated.",
 )
 _ABOUT_REGIONS = (

@@ -1,11 +1,19 @@
 """A gain is told against the strongest method of others, and a panel names every arm."""
 
-from r2sego_blender.evaluation.arms import ARMS, REFINED, SAME_POINTS, VANILLA, WITHOUT_GENERATED, strongest_baseline
+from r2sego_blender.evaluation.arms import (
+    ARMS,
+    GAUSSGYM,
+    REFINED,
+    SAME_POINTS,
+    VANILLA,
+    WITHOUT_GENERATED,
+    strongest_baseline,
+)
 from r2sego_blender.results.panels.report_scores import ARM_LABELS
 
 
 def test_the_strongest_baseline_is_the_best_method_of_others():
-    scores = {VANILLA: 19.0, SAME_POINTS: 21.0, WITHOUT_GENERATED: 23.0, REFINED: 25.0}
+    scores = {VANILLA: 19.0, SAME_POINTS: 21.0, GAUSSGYM: 20.0, WITHOUT_GENERATED: 23.0, REFINED: 25.0}
     assert strongest_baseline(scores) == SAME_POINTS
     assert strongest_baseline(scores | {VANILLA: 21.5}) == VANILLA
     assert strongest_baseline(scores | {VANILLA: None}) == VANILLA  # equal images

@@ -17,7 +17,7 @@ from r2sego_blender.captures.store import load_captures
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import SceneError
 from r2sego_blender.evaluation import scene_evaluation, scene_report
-from r2sego_blender.evaluation.arms import ARMS, INITIAL, REFINED, SAME_POINTS, VANILLA, WITHOUT_GENERATED
+from r2sego_blender.evaluation.arms import ARMS, GAUSSGYM, INITIAL, REFINED, SAME_POINTS, VANILLA, WITHOUT_GENERATED
 from r2sego_blender.evaluation.distinct_views import seen_in_training
 from r2sego_blender.evaluation.frozen_pictures import FROZEN_PICTURES
 from r2sego_blender.evaluation.report_data import Round
@@ -26,7 +26,7 @@ from r2sego_blender.results.status import lines
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.formats.ply import save_ply
 
-TRAINED = (VANILLA, SAME_POINTS, WITHOUT_GENERATED)
+TRAINED = (VANILLA, GAUSSGYM, SAME_POINTS, WITHOUT_GENERATED)
 
 
 @pytest.fixture
@@ -117,7 +117,7 @@ def test_arms_that_are_not_asked_for_are_neither_trained_nor_scored(evaluated):
     assert set(metrics["arms"]) == {VANILLA, REFINED}
     assert metrics["arms"] == {arm: whole[arm] for arm in (VANILLA, REFINED)}
     assert ARMS[INITIAL].label not in scene_evaluation.table(metrics)
-    assert [(scene.path / ARMS[arm].asset).is_file() for arm in TRAINED] == [True, False, False]
+    assert [(scene.path / ARMS[arm].asset).is_file() for arm in TRAINED] == [arm == VANILLA for arm in TRAINED]
 
 
 def test_an_asset_that_was_changed_since_is_not_scored(evaluated):

@@ -16,6 +16,7 @@ ARM_LABELS = {
     "refined": "Refined",
     "without_generated_views": "No generated views",
     "same_points": "Same points",
+    "gaussgym": "GaussGym",
     "vanilla_3dgs": "Vanilla 3DGS",
     "initial": "Initial",
 }
