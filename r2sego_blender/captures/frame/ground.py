@@ -30,6 +30,9 @@ _MIN_SHARE_OF_STRONGEST = 0.08
 _LOWEST_PERCENTILE = 2.0
 _SLAB = 3.0
 
+BY_LOWEST_POINTS = ", height from the lowest points"
+"""How the description of a ground ends whose height they told."""
+
 
 @dataclass(frozen=True)
 class Ground:
@@ -112,9 +115,13 @@ def find_ground(
         normal, how = level, "no floor seen: level with the largest surface"
     else:
         normal, how = up, "no floor seen: upright as the cameras were held"
-    heights = points @ normal if len(points) else centres @ normal
-    offset = float(np.percentile(heights, _LOWEST_PERCENTILE))
-    return Ground(normal, offset, 0, False, f"{how}, height from the lowest points")
+    offset = lowest(points if len(points) else centres, normal)
+    return Ground(normal, offset, 0, False, f"{how}{BY_LOWEST_POINTS}")
+
+
+def lowest(points: np.ndarray, up: np.ndarray) -> float:
+    """The height along ``up`` below which next to none of ``points`` (P, 3) lie."""
+    return float(np.percentile(points @ up, _LOWEST_PERCENTILE))
 
 
 def _holds_the_room(points: np.ndarray, plane: tuple[np.ndarray, float, float], tolerance: float) -> bool:

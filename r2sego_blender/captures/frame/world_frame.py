@@ -19,7 +19,7 @@ from ..importing import Imported
 from ..sparse import USUAL_DEPTH_M, usual_depth
 from ..sparse_points import SparsePoints
 from .depth_scale import depth_scale, likely_unit_m
-from .ground import Ground, find_ground, up_guess
+from .ground import BY_LOWEST_POINTS, Ground, find_ground, lowest, up_guess
 from .scale import Scale, length_scale, marker_scale
 
 ASSUMED_CAMERA_HEIGHT_M = 1.5
@@ -39,6 +39,9 @@ _HEIGHT_OF, _ASSUMED = " height of ", "assumed"
 
 # Cosine of the angle within which an axis of the poses' frame is taken to be upright.
 _UPRIGHT_AXIS = np.cos(np.radians(4.0))
+
+# How a direction up is called that their frame tells.
+_BY_AXIS = "upright as an axis of the poses"
 
 # Sine of the angle from the vertical below which a camera's forward axis tells no heading.
 _MIN_HEADING = 0.05
@@ -80,9 +83,12 @@ def register(
     unit_m = known if known is not None else USUAL_DEPTH_M / usual_depth(captures, sparse)
     cameras = [capture.camera for capture in captures]
     ground = find_ground(sparse.points, cameras, settings.floor_tolerance_m / unit_m, imported.up)
-    if not ground.found and (below := _below_cameras(imported, ground, known, scale, len(sparse.points))):
-        ground, known = below
-        source = source or f"metric poses ({imported.source})"
+    if not ground.found:
+        if below := _below_cameras(imported, ground, known, scale, len(sparse.points)):
+            ground, known = below
+            source = source or f"metric poses ({imported.source})"
+        elif known is not None and len(sparse.points):
+            ground = _likelier(imported, ground, known, sparse.points)
     if not ground.found:
         progress.message(
             f"{ground.description}: see in report/ground/ whether the room stands level on z = 0, and "
@@ -129,20 +135,43 @@ def _below_cameras(
     return Ground(up, offset, 0, False, f"no floor seen: {how}, {whose}"), unit_m
 
 
-def _up_without_points(imported: Imported) -> tuple[np.ndarray, str]:
-    """The direction up (3,) where only the cameras tell it, and how it was found.
+def _likelier(imported: Imported, ground: Ground, unit_m: float, points: np.ndarray) -> Ground:
+    """The ground where ``points`` (P, 3) show other things than the floor, and a unit is ``unit_m`` metres.
 
-    Devices and programs align an axis of their frame with gravity: where one is about what the cameras say, it
-    is that.
+    The largest surface may be one that leans, and of what stands on the floor the lowest points are too high. So
+    metric poses are upright as their frame is, and the floor lies no higher than is usual under the cameras.
     """
+    up, how = ground.normal, ground.description.removesuffix(BY_LOWEST_POINTS)
+    axis = _upright_axis(imported) if imported.metric else None
+    if imported.up is None and axis is not None:
+        up, how = axis, f"no floor seen: {_BY_AXIS}"
+    by_points = lowest(points[np.isfinite(points).all(axis=1)], up)
+    centres = np.array([capture.camera.centre for capture in imported.captures])
+    usual = float(np.median(centres @ up)) - ASSUMED_CAMERA_HEIGHT_M / unit_m
+    if by_points <= usual:
+        return Ground(up, by_points, 0, False, f"{how}{BY_LOWEST_POINTS}")
+    return Ground(up, usual, 0, False, f"{how}, {ASSUMED_CAMERA_HEIGHT_M:g} m under the cameras, as is usual")
+
+
+def _up_without_points(imported: Imported) -> tuple[np.ndarray, str]:
+    """The direction up (3,) where only the cameras tell it, and how it was found."""
     if imported.up is not None:
         return imported.up / np.linalg.norm(imported.up), "upright as the device measured gravity"
+    axis = _upright_axis(imported)
+    if axis is not None:
+        return axis, _BY_AXIS
+    return up_guess([capture.camera for capture in imported.captures]), "upright as the cameras were held"
+
+
+def _upright_axis(imported: Imported) -> np.ndarray | None:
+    """The axis (3,) of the poses' frame that is about up as the cameras were held, if one is.
+
+    Devices and programs align an axis of their frame with gravity.
+    """
     guess = up_guess([capture.camera for capture in imported.captures])
     axis = np.zeros(3)
     axis[np.argmax(np.abs(guess))] = np.sign(guess[np.argmax(np.abs(guess))])
-    if axis @ guess > _UPRIGHT_AXIS:
-        return axis, "upright as an axis of the poses"
-    return guess, "upright as the cameras were held"
+    return axis if axis @ guess > _UPRIGHT_AXIS else None
 
 
 def corrected(

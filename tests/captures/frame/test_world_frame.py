@@ -188,14 +188,46 @@ def test_planes_of_one_normal_are_told_apart_as_others_are(rng, unit):
     assert np.array_equal(together, one_by_one) and np.ptp(together) > 100
 
 
+def _tilt_deg(found):
+    """Of up in the capture frame, whose z-axis truly is up."""
+    up = found.world_from_capture[2, :3] / np.linalg.norm(found.world_from_capture[2, :3])
+    return np.degrees(np.arccos(np.clip(up[2], -1.0, 1.0)))
+
+
 def test_without_a_floor_the_table_tells_gravity_and_the_lowest_points_the_height(rng, messages):
     points = _furnished(rng, floor=0)
     captures, sparse = _scene(_held(rng), points)
-    found = register(Imported(captures, "test", True), sparse, Scale(), SETTINGS, messages)
+    found = register(Imported(captures, "test", False), sparse, Scale(), SETTINGS, messages)
     assert found.ground.startswith("no floor seen")
     assert any("add a photograph" in warning for warning in messages.warnings)
-    assert np.degrees(np.arccos(found.world_from_capture[2, 2])) < 1.0
+    assert _tilt_deg(found) < 1.0
     assert abs(found.world_from_capture[2, 3]) < 0.2
+
+
+def _leaning(rng, lowest_m):
+    """Points of a surface that leans by 6 degrees, of what stands under it, and of a wall, none under ``lowest_m``."""
+    x, y = rng.uniform([-0.6, 0], [0.7, 0.8], (900, 2)).T
+    under = rng.uniform([-0.6, 0, lowest_m], [0.7, 0.8, 0.5], (300, 3))
+    wall = rng.uniform([-2, 2, lowest_m], [2, 2, 2.4], (300, 3))
+    return np.concatenate([np.stack([x, y, 0.66 + 0.1 * x], axis=1), under, wall])
+
+
+@pytest.mark.parametrize(("lowest_m", "off_m"), [(0.3, 0.0), (-0.25, -0.25)])
+def test_metric_poses_without_a_floor_are_upright_as_their_frame_and_at_a_usual_height(rng, lowest_m, off_m):
+    """Lower than usual where points are: the floor cannot be above them."""
+    captures, sparse = _scene(_held(rng), _leaning(rng, lowest_m))
+    found = register(Imported(captures, "test", True), sparse, Scale(), SETTINGS)
+    assert found.ground.startswith("no floor seen")
+    assert found.world_from_capture[2, 2] == pytest.approx(1.0, abs=1e-12)
+    assert -found.world_from_capture[2, 3] == pytest.approx(off_m, abs=0.1)
+    solved = register(Imported(captures, "test", False), sparse, Scale(), SETTINGS)
+    assert _tilt_deg(solved) > 3.0
+
+
+def test_points_that_are_no_numbers_tell_no_height(rng):
+    captures, sparse = _scene(_held(rng), np.concatenate([_leaning(rng, -0.25), np.full((5, 3), np.nan)]))
+    found = register(Imported(captures, "test", True), sparse, Scale(), SETTINGS)
+    assert np.isfinite(found.world_from_capture).all()
 
 
 def test_without_points_the_cameras_tell_gravity():
