@@ -11,7 +11,7 @@ from ..bundle.scene import Scene
 from ..captures.capture import Capture
 from ..captures.store import CAPTURES
 from ..core.cameras import Camera
-from ..core.errors import GenerationError, R2SEgoError
+from ..core.errors import R2SEgoError
 from ..core.progress import SILENT, Progress
 from ..generation.conditions.conditions import ZBufferRenderer
 from ..generation.generators.blending import BlendingGenerator
@@ -43,11 +43,7 @@ def score_generator(scene: Scene, views: Sequence[Capture], progress: Progress =
     renderer = ZBufferRenderer(proxy)
 
     def made(camera: Camera) -> np.ndarray:
-        try:
-            image = generator.blend(renderer.condition(camera)).image
-        except GenerationError:  # nothing of the view was seen by any capture
-            image = np.zeros((*camera.shape, 3), np.float32)
-        return exposed(image, camera, captures)
+        return exposed(generator.blend(renderer.condition(camera), seen=False).image, camera, captures)
 
     scored = score(made, views, progress=progress, title="Scoring the generator")
     return {"psnr": rounded(scored.psnr), "ssim": rounded(scored.ssim)}

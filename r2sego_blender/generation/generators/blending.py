@@ -123,8 +123,12 @@ class BlendingGenerator:
         """See ``Generator``; every capture is used, the reference as any other."""
         return [self.blend(condition) for condition in conditions]
 
-    def blend(self, condition: Condition) -> Frame:
-        """All captures blended onto one condition. Raises GenerationError when it shows nothing."""
+    def blend(self, condition: Condition, seen: bool = True) -> Frame:
+        """All captures blended onto one condition.
+
+        Raises GenerationError when no capture sees anything of it, unless it need not be ``seen``: such a
+        frame has the surfaces' colours as they are continued.
+        """
         camera, settings = condition.camera, self._settings
         pose = camera.world_from_camera.astype(np.float32)
         image, confidence = _blend(
@@ -137,7 +141,7 @@ class BlendingGenerator:
             np.float32(settings.border_px),
         )
         known = confidence > 0.0
-        if not known.any():
+        if seen and not known.any():
             raise GenerationError(
                 "no capture sees anything of the target view", cure="Photograph that side of the room."
             )

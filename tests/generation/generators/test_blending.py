@@ -184,6 +184,10 @@ def test_a_view_nobody_saw_is_an_error(box_room):
     away = box_room.renderer.condition(lens().at(look_at([0.0, -1.6, 1.4], [0.0, -2.0, 2.4])))
     with pytest.raises(GenerationError, match="no capture sees"):
         generator.blend(away)
+    guess = generator.blend(away, seen=False)
+    assert (guess.confidence == np.float32(SETTINGS.hole_confidence)).all()
+    surface = away.depth > 0.0
+    assert np.isfinite(guess.image).all() and guess.image[surface].min() > 0.0
 
 
 def test_true_geometry_gives_nearly_thirty_one_decibels_in_the_furnished_room(room_a):
