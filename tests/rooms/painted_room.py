@@ -53,3 +53,15 @@ def write_painted_room(folder: Path, frozen: bool = True) -> Path:
         views.append(Capture(file.name, file, camera))
     save_cameras_json(folder / "cameras.json", views[:CAPTURES], frozen=views[CAPTURES:])
     return folder
+
+
+def painted_photographs(folder: Path, mesh: trimesh.Trimesh, cameras, colour=paint) -> tuple[Capture, ...]:
+    """Photographs of a mesh by ``cameras``, whose points (..., 3) have the ``colour`` of them."""
+    rasterizer = MeshRasterizer(mesh.vertices, mesh.faces)
+    photographs = []
+    for index, camera in enumerate(cameras):
+        points = camera.unproject(rasterizer.render(camera).depth)
+        file = folder / f"{index}.png"
+        save_image(file, colour(points).astype(np.float32))
+        photographs.append(Capture(file.name, file, camera))
+    return tuple(photographs)

@@ -30,8 +30,8 @@ _MIN_SHARE_OF_STRONGEST = 0.08
 _LOWEST_PERCENTILE = 2.0
 _SLAB = 3.0
 
-BY_LOWEST_POINTS = ", height from the lowest points"
-"""How the description of a ground ends whose height they told."""
+NOT_SEEN, BY_LOWEST_POINTS = "no floor seen: ", ", height from the lowest points"
+"""How the description of a ground without a floor begins, and ends where the lowest points told its height."""
 
 
 @dataclass(frozen=True)
@@ -110,13 +110,13 @@ def find_ground(
         support = int((np.abs(points @ normal - offset) <= tolerance).sum())
         return Ground(normal, offset, support, True, f"floor plane through {support} points")
     if measured:
-        normal, how = up, "no floor seen: upright as the device measured gravity"
+        normal, how = up, "upright as the device measured gravity"
     elif solid:
-        normal, how = level, "no floor seen: level with the largest surface"
+        normal, how = level, "level with the largest surface"
     else:
-        normal, how = up, "no floor seen: upright as the cameras were held"
+        normal, how = up, "upright as the cameras were held"
     offset = lowest(points if len(points) else centres, normal)
-    return Ground(normal, offset, 0, False, f"{how}{BY_LOWEST_POINTS}")
+    return Ground(normal, offset, 0, False, f"{NOT_SEEN}{how}{BY_LOWEST_POINTS}")
 
 
 def lowest(points: np.ndarray, up: np.ndarray) -> float:

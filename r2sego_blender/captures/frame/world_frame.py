@@ -19,7 +19,8 @@ from ..importing import Imported
 from ..sparse import USUAL_DEPTH_M, usual_depth
 from ..sparse_points import SparsePoints
 from .depth_scale import depth_scale, likely_unit_m
-from .ground import BY_LOWEST_POINTS, Ground, find_ground, lowest, up_guess
+from .floor_sweep import swept_floor
+from .ground import BY_LOWEST_POINTS, NOT_SEEN, Ground, find_ground, lowest, up_guess
 from .scale import Scale, length_scale, marker_scale
 
 ASSUMED_CAMERA_HEIGHT_M = 1.5
@@ -40,8 +41,11 @@ _HEIGHT_OF, _ASSUMED = " height of ", "assumed"
 # Cosine of the angle within which an axis of the poses' frame is taken to be upright.
 _UPRIGHT_AXIS = np.cos(np.radians(4.0))
 
-# How a direction up is called that their frame tells.
-_BY_AXIS = "upright as an axis of the poses"
+# And within which a floor is looked for under one.
+_ABOUT_UPRIGHT_AXIS = np.cos(np.radians(25.0))
+
+# Points are this far off, and where there is none, a camera is held at least this high.
+_POINTS_OFF_M, _LOWEST_HELD_M = 0.03, 0.5
 
 # Sine of the angle from the vertical below which a camera's forward axis tells no heading.
 _MIN_HEADING = 0.05
@@ -75,8 +79,8 @@ def register(
 
     z = 0 is the floor; the origin is the first capture's centre put down on it; the x-axis
     is the first capture's heading on it. An assumed scale and a floor that was not seen
-    are reported as warnings. Where nothing shows the floor of metric poses, it lies the cameras' height under
-    them. Raises CaptureError when what should tell the scale does not.
+    are reported as warnings. Where points do not show the floor of metric poses, it is looked for by plane
+    sweeping, else it lies the cameras' height under them. Raises CaptureError when what should tell the scale does not.
     """
     captures = imported.captures
     known, source = _scale_before_ground(imported, sparse, scale, progress)
@@ -84,11 +88,8 @@ def register(
     cameras = [capture.camera for capture in captures]
     ground = find_ground(sparse.points, cameras, settings.floor_tolerance_m / unit_m, imported.up)
     if not ground.found:
-        if below := _below_cameras(imported, ground, known, scale, len(sparse.points)):
-            ground, known = below
-            source = source or f"metric poses ({imported.source})"
-        elif known is not None and len(sparse.points):
-            ground = _likelier(imported, ground, known, sparse.points)
+        ground, known = _without_floor_points(imported, ground, known, scale, sparse.points)
+        source = source or f"metric poses ({imported.source})" * (known is not None)
     if not ground.found:
         progress.message(
             f"{ground.description}: see in report/ground/ whether the room stands level on z = 0, and "
@@ -108,18 +109,19 @@ def register(
     return Registration(_world_from_capture(captures[0], ground, known), ground.description, source)
 
 
-def _below_cameras(
-    imported: Imported, ground: Ground, known: float | None, scale: Scale, points: int
-) -> tuple[Ground, float] | None:
-    """The ground at the cameras' height under them, and metres per unit: where the height is given and the unit
-    known, or where there is no point that would tell either.
+def _without_floor_points(
+    imported: Imported, ground: Ground, known: float | None, scale: Scale, points: np.ndarray
+) -> tuple[Ground, float | None]:
+    """The ground where ``points`` (P, 3) show none, and the metres of a unit, None where the ground has to tell them.
 
-    Raises CaptureError where nothing tells the unit.
+    The given height of metric poses tells it. Else, where up and the unit are known, the floor is looked for by
+    plane sweeping. Where that finds none, the floor lies no higher than next to all points, and than is usual
+    under the cameras. Raises CaptureError where there is no point and nothing tells the unit.
     """
     given = scale.kind == "camera_height"
-    if points and not (given and imported.metric):
-        return None
-    unit_m = known if known is not None else 1.0 if imported.metric else None
+    unit_m = 1.0 if known is None and imported.metric and (given or not len(points)) else known
+    if unit_m is None and len(points):
+        return ground, None
     if unit_m is None:
         raise CaptureError(
             "the photographs share nothing, and nothing else tells how long a unit of their poses is",
@@ -127,51 +129,65 @@ def _below_cameras(
             cure="Declare the poses metric if they are, give a known length or a marker, or photograph from "
             "viewpoints that overlap by half.",
         )
-    up, how = _up_without_points(imported)
+    points = points[np.isfinite(points).all(axis=1)]
+    if not given and (swept := _swept(imported, points, unit_m)):
+        return swept, unit_m
+    up, how = _upright(imported, ground, len(points))
     heights = np.array([capture.camera.centre for capture in imported.captures]) @ up
-    height_m = scale.metres if given else ASSUMED_CAMERA_HEIGHT_M
-    offset = float(heights[0] if given else np.median(heights)) - height_m / unit_m
-    whose = f"{height_m:g} m under the {'first camera, as given' if given else 'cameras, as is usual'}"
-    return Ground(up, offset, 0, False, f"no floor seen: {how}, {whose}"), unit_m
+    if given:
+        offset = float(heights[0]) - scale.metres / unit_m
+        told = f"{NOT_SEEN}{how}, {scale.metres:g} m under the first camera, as given"
+        return Ground(up, offset, 0, False, told), unit_m
+    usual = float(np.median(heights)) - ASSUMED_CAMERA_HEIGHT_M / unit_m
+    if len(points) and lowest(points, up) <= usual:
+        return Ground(up, lowest(points, up), 0, False, f"{NOT_SEEN}{how}{BY_LOWEST_POINTS}"), unit_m
+    told = f"{NOT_SEEN}{how}, {ASSUMED_CAMERA_HEIGHT_M:g} m under the cameras, as is usual"
+    return Ground(up, usual, 0, False, told), unit_m
 
 
-def _likelier(imported: Imported, ground: Ground, unit_m: float, points: np.ndarray) -> Ground:
-    """The ground where ``points`` (P, 3) show other things than the floor, and a unit is ``unit_m`` metres.
+def _swept(imported: Imported, points: np.ndarray, unit_m: float) -> Ground | None:
+    """The floor that plane sweeping finds, not above next to all ``points`` (P, 3), in the poses' unit.
 
-    The largest surface may be one that leans, and of what stands on the floor the lowest points are too high. So
-    metric poses are upright as their frame is, and the floor lies no higher than is usual under the cameras.
-    """
-    up, how = ground.normal, ground.description.removesuffix(BY_LOWEST_POINTS)
-    axis = _upright_axis(imported) if imported.metric else None
-    if imported.up is None and axis is not None:
-        up, how = axis, f"no floor seen: {_BY_AXIS}"
-    by_points = lowest(points[np.isfinite(points).all(axis=1)], up)
-    centres = np.array([capture.camera.centre for capture in imported.captures])
-    usual = float(np.median(centres @ up)) - ASSUMED_CAMERA_HEIGHT_M / unit_m
-    if by_points <= usual:
-        return Ground(up, by_points, 0, False, f"{how}{BY_LOWEST_POINTS}")
-    return Ground(up, usual, 0, False, f"{how}, {ASSUMED_CAMERA_HEIGHT_M:g} m under the cameras, as is usual")
-
-
-def _up_without_points(imported: Imported) -> tuple[np.ndarray, str]:
-    """The direction up (3,) where only the cameras tell it, and how it was found."""
-    if imported.up is not None:
-        return imported.up / np.linalg.norm(imported.up), "upright as the device measured gravity"
-    axis = _upright_axis(imported)
-    if axis is not None:
-        return axis, _BY_AXIS
-    return up_guess([capture.camera for capture in imported.captures]), "upright as the cameras were held"
-
-
-def _upright_axis(imported: Imported) -> np.ndarray | None:
-    """The axis (3,) of the poses' frame that is about up as the cameras were held, if one is.
-
-    Devices and programs align an axis of their frame with gravity.
+    It is looked for where up was measured, or about along an axis of metric poses: on planes that are not level
+    nothing looks alike.
     """
     guess = up_guess([capture.camera for capture in imported.captures])
+    up = imported.up if imported.up is not None else _nearest_axis(guess)
+    up = up / np.linalg.norm(up)
+    if imported.up is None and not (imported.metric and up @ guess > _ABOUT_UPRIGHT_AXIS):
+        return None
+    centres = np.array([capture.camera.centre for capture in imported.captures])
+    highest = lowest(points, up) if len(points) else float((centres @ up).min()) - _LOWEST_HELD_M / unit_m
+    in_metres = np.diag([unit_m, unit_m, unit_m, 1.0])
+    scaled = [capture.transformed(in_metres) for capture in imported.captures]
+    found = swept_floor(scaled, up, highest * unit_m + _POINTS_OFF_M)
+    if found is None:
+        return None
+    told = f"floor by plane sweeping: {found.patches} patches look alike on it"
+    return Ground(up, found.height_m / unit_m, found.patches, True, told)
+
+
+def _upright(imported: Imported, ground: Ground, points: int) -> tuple[np.ndarray, str]:
+    """The direction up (3,) where no floor tells it, and how it was found.
+
+    The largest surface of the ``points`` may lean, so it comes last but for the cameras.
+    """
+    if imported.up is not None:
+        return imported.up / np.linalg.norm(imported.up), "upright as the device measured gravity"
+    guess = up_guess([capture.camera for capture in imported.captures])
+    axis = _nearest_axis(guess)
+    if (imported.metric or not points) and axis @ guess > _UPRIGHT_AXIS:
+        return axis, "upright as an axis of the poses"
+    if points:
+        return ground.normal, ground.description.removeprefix(NOT_SEEN).removesuffix(BY_LOWEST_POINTS)
+    return guess, "upright as the cameras were held"
+
+
+def _nearest_axis(guess: np.ndarray) -> np.ndarray:
+    """The axis (3,) of the poses' frame nearest to a guess of up: devices and programs align one with gravity."""
     axis = np.zeros(3)
     axis[np.argmax(np.abs(guess))] = np.sign(guess[np.argmax(np.abs(guess))])
-    return axis if axis @ guess > _UPRIGHT_AXIS else None
+    return axis
 
 
 def corrected(

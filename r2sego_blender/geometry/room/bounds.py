@@ -11,15 +11,12 @@ offset is taken when it convinces by far; else, as where nobody looked, the room
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from ...captures.capture import Capture
+from ...captures.matching.plane_sweep import NEAREST_M, GreyView, likeness_on_planes, textured_pixels
 from ...config.settings import Settings
-from ...core.cameras import Camera
-from ...core.compiled import inlined, parallel_kernel, prange
 from ...core.images import resize
 from ..stereo.evidence import FREE_MARGIN, KnownDepth
 from ..stereo.observed_geometry import ObservedGeometry
@@ -29,7 +26,6 @@ from .planes import RoomPlanes
 
 _STEP_M = 0.02  # between offsets that are tried
 _FINE_STEP_M = 0.005  # between those tried around the best of them
-_STRIDE_PX = 6  # between pixels that are asked
 _MOST_OTHERS = 12  # captures that each is compared with
 _SAME_SIDE = 0.9  # cosine between normals of bounds on the same side of the room
 _SAME_DIRECTION = 0.98  # and between directions of which one need be tried
@@ -37,10 +33,6 @@ _ALIKE = 0.5  # correlation from which a pixel speaks for an offset, and below a
 _DISTINCT = 1.5  # times the evidence of any other peak, that of the best must be
 _WIDEST_PEAK_M = 1.0  # a peak may be this wide where it has fallen by that factor
 _LEAST_EVIDENCE = 10.0  # in pixels exactly alike; where there is no bound, hardly one is
-_HIDDEN_FROM_M = 0.03  # how far behind another bound a point is out of the room
-_PATCH_RADIUS_PX, _PATCH_STEP_PX = 6, 2
-_LEAST_VARIANCE = 4e-6  # of grey levels: below this there is nothing but quantisation
-_NEAREST_M = 0.3
 _LARGEST_EXTENT_M = 20.0
 
 
@@ -62,7 +54,7 @@ def with_missing_bounds(
     if not len(points):
         return planes
     views = [
-        _View.of(*view) for view in zip(captures, depth_maps, trusted_depth(depth_maps, settings.stereo), strict=True)
+        _view(*view) for view in zip(captures, depth_maps, trusted_depth(depth_maps, settings.stereo), strict=True)
     ]
     centres = np.array([view.camera.centre for view in views])
     compared = [(view, overlapping(index, views, _MOST_OTHERS)) for index, view in enumerate(views)]
@@ -70,8 +62,7 @@ def with_missing_bounds(
         if (planes.envelope.normals @ normal > _SAME_SIDE).any():
             continue
         nearest = min(
-            np.quantile(points @ normal, 1 - settings.proxy.envelope_share),
-            float((centres @ normal).min()) - _NEAREST_M,
+            np.quantile(points @ normal, 1 - settings.proxy.envelope_share), float((centres @ normal).min()) - NEAREST_M
         )
         extent = min(max(np.ptp(points @ normal), 1.0), _LARGEST_EXTENT_M)
         offset = _swept(compared, planes.envelope, normal, nearest + 2 * _STEP_M, extent)
@@ -80,18 +71,10 @@ def with_missing_bounds(
     return planes
 
 
-@dataclass(frozen=True)
-class _View:
-    """A capture at the size of its depth map, in grey, with its trusted depth."""
-
-    camera: Camera
-    grey: np.ndarray
-    known: np.ndarray
-
-    @staticmethod
-    def of(capture: Capture, depth_map: DepthMap, trusted: KnownDepth) -> _View:
-        image = resize(capture.image(), depth_map.camera.width, depth_map.camera.height)
-        return _View(trusted.camera, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), trusted.depth)
+def _view(capture: Capture, depth_map: DepthMap, trusted: KnownDepth) -> GreyView:
+    """A capture at the size of its depth map, with its trusted depth."""
+    image = resize(capture.image(), depth_map.camera.width, depth_map.camera.height)
+    return GreyView.of(image, trusted.camera, trusted.depth)
 
 
 def _directions(envelope: RoomPlanes) -> list[np.ndarray]:
@@ -105,7 +88,7 @@ def _directions(envelope: RoomPlanes) -> list[np.ndarray]:
     return directions
 
 
-_Compared = Sequence[tuple[_View, Sequence[_View]]]
+_Compared = Sequence[tuple[GreyView, Sequence[GreyView]]]
 
 
 def _with_bound(
@@ -147,12 +130,13 @@ def _evidence(
     count that are compared at every offset."""
     evidence, through = np.zeros(len(offsets)), np.zeros(len(offsets))
     candidates = np.broadcast_to(normal, (len(offsets), 3)), offsets
+    bounds = envelope.normals, envelope.offsets
     for view, others in compared:
-        pixels = _unexplained(view)
+        pixels = textured_pixels(view)
         if not others or not len(pixels):
             continue
-        known, _ = _likeness_on(view, others, pixels, envelope, envelope.normals, envelope.offsets)
-        like, beyond = _likeness_on(view, others, pixels, envelope, *candidates)
+        known, _ = likeness_on_planes(view, others, pixels, *bounds, bounds, FREE_MARGIN)
+        like, beyond = likeness_on_planes(view, others, pixels, *candidates, bounds, FREE_MARGIN)
         gain = like - np.maximum(known.max(0, initial=-2.0), _ALIKE)
         counts = like > -2.0
         if same_pixels:
@@ -160,121 +144,3 @@ def _evidence(
         evidence += np.where(counts, gain, 0.0).sum(1) / (1.0 - _ALIKE)
         through += beyond.sum(1)
     return evidence, through
-
-
-def _likeness_on(
-    view: _View,
-    others: Sequence[_View],
-    pixels: np.ndarray,
-    envelope: RoomPlanes,
-    normals: np.ndarray,
-    offsets: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """For planes (D, 3), (D,) and pixels (N, 2): the best correlation (D, N) with another
-    capture, -2 without one, and whether some capture looks through, bool."""
-    axes = view.camera.world_from_camera[:3, :3] @ np.linalg.inv(view.camera.matrix)
-    away = normals @ view.camera.centre - offsets
-    rows = -(normals @ axes) / np.maximum(away, 1e-3)[:, None]
-    onto = np.array([[_homography(view.camera, other.camera, row) for other in others] for row in rows])
-    inside = envelope.normals @ view.camera.centre - envelope.offsets + _HIDDEN_FROM_M
-    bounds = np.column_stack([envelope.normals @ axes, inside])
-    like = np.full((len(rows), len(pixels)), -2.0, np.float32)
-    beyond = np.zeros(like.shape, np.bool_)
-    _compare(
-        view.grey,
-        pixels,
-        rows,
-        bounds,
-        onto,
-        tuple(other.grey for other in others),
-        tuple(other.known for other in others),
-        like,
-        beyond,
-    )
-    return like, beyond
-
-
-def _unexplained(view: _View) -> np.ndarray:
-    """(N, 2) int64 columns and rows of pixels without trusted depth that have some texture."""
-    side = (2 * _PATCH_RADIUS_PX + 1,) * 2
-    mean, square = cv2.boxFilter(view.grey, -1, side), cv2.sqrBoxFilter(view.grey, -1, side)
-    asked = (view.known == 0) & (square - mean * mean > _LEAST_VARIANCE)
-    inside = slice(_PATCH_RADIUS_PX, -_PATCH_RADIUS_PX, _STRIDE_PX)
-    rows, columns = np.nonzero(asked[inside, inside])
-    return np.stack([columns, rows], axis=1) * _STRIDE_PX + _PATCH_RADIUS_PX
-
-
-def _homography(camera: Camera, other: Camera, row: np.ndarray) -> np.ndarray:
-    """(3, 3) from pixels (x, y, 1) of ``camera`` to those of ``other`` times the ratio of their
-    depths, through the plane of inverse depth ``row`` . (x, y, 1)."""
-    relative = other.camera_from_world @ camera.world_from_camera
-    return other.matrix @ (relative[:3, :3] @ np.linalg.inv(camera.matrix) + np.outer(relative[:3, 3], row))
-
-
-@parallel_kernel
-def _compare(grey, pixels, rows, bounds, onto, greys, known, like, beyond):
-    """``_likeness_on`` for planes of inverse depth ``rows`` (D, 3) . (x, y, 1).
-
-    ``bounds`` (B, 4): a . (x, y, 1) z + b >= 0 in the room; ``onto`` (D, O, 3, 3)."""
-    for d in prange(rows.shape[0]):
-        for i in range(pixels.shape[0]):
-            x, y = pixels[i, 0] + 0.5, pixels[i, 1] + 0.5
-            inverse = rows[d, 0] * x + rows[d, 1] * y + rows[d, 2]
-            if not 1e-6 < inverse < 1.0 / _NEAREST_M:
-                continue
-            depth, inside = 1.0 / inverse, True
-            for b in range(bounds.shape[0]):
-                inside &= (bounds[b, 0] * x + bounds[b, 1] * y + bounds[b, 2]) * depth + bounds[b, 3] >= 0.0
-            if not inside:
-                continue
-            for o in range(len(greys)):
-                to = onto[d, o]
-                reached = depth * (to[2, 0] * x + to[2, 1] * y + to[2, 2])
-                if reached < _NEAREST_M:
-                    continue
-                u = depth * (to[0, 0] * x + to[0, 1] * y + to[0, 2]) / reached
-                v = depth * (to[1, 0] * x + to[1, 1] * y + to[1, 2]) / reached
-                height, width = known[o].shape
-                if not (0.0 <= u < width and 0.0 <= v < height):
-                    continue
-                there = known[o][int(v), int(u)]
-                if there > reached * (1.0 + FREE_MARGIN):
-                    beyond[d, i] = True
-                elif there == 0.0 or there > reached * (1.0 - FREE_MARGIN):
-                    found = _likeness(grey, greys[o], to, pixels[i, 0], pixels[i, 1])
-                    like[d, i] = max(like[d, i], found)
-
-
-@inlined
-def _likeness(grey, other, to, column, row):
-    """Correlation of the patch of ``grey`` round a pixel and what ``to`` makes it show of
-    ``other``; -2 where that leaves the image."""
-    height, width = other.shape
-    a, b, aa, bb, ab, count = 0.0, 0.0, 0.0, 0.0, 0.0, 0
-    left = False
-    for j in range(-_PATCH_RADIUS_PX, _PATCH_RADIUS_PX + 1, _PATCH_STEP_PX):
-        for i in range(-_PATCH_RADIUS_PX, _PATCH_RADIUS_PX + 1, _PATCH_STEP_PX):
-            x, y = column + i + 0.5, row + j + 0.5
-            w = to[2, 0] * x + to[2, 1] * y + to[2, 2]
-            u = (to[0, 0] * x + to[0, 1] * y + to[0, 2]) / w - 0.5
-            v = (to[1, 0] * x + to[1, 1] * y + to[1, 2]) / w - 0.5
-            if w <= 0.0 or not (0.0 <= u < width - 1 and 0.0 <= v < height - 1):
-                left = True
-                break
-            m, n = int(u), int(v)
-            s, t = u - m, v - n
-            upper = other[n, m] * (1.0 - s) + other[n, m + 1] * s
-            lower = other[n + 1, m] * (1.0 - s) + other[n + 1, m + 1] * s
-            here, there = float(grey[row + j, column + i]), upper * (1.0 - t) + lower * t
-            a, b, aa, bb, ab = a + here, b + there, aa + here * here, bb + there * there, ab + here * there
-            count += 1
-        if left:
-            break
-    result = -2.0
-    if not left:
-        variances = (aa / count - (a / count) ** 2, bb / count - (b / count) ** 2)
-        noise = _LEAST_VARIANCE
-        result = (ab / count - a * b / count**2) / np.sqrt(
-            (max(variances[0], 0.0) + noise) * (max(variances[1], 0.0) + noise)
-        )
-    return result

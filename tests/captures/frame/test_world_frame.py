@@ -213,9 +213,10 @@ def _leaning(rng, lowest_m):
 
 
 @pytest.mark.parametrize(("lowest_m", "off_m"), [(0.3, 0.0), (-0.25, -0.25)])
-def test_metric_poses_without_a_floor_are_upright_as_their_frame_and_at_a_usual_height(rng, lowest_m, off_m):
-    """Lower than usual where points are: the floor cannot be above them."""
+def test_metric_poses_without_a_floor_are_upright_as_their_frame_and_at_a_usual_height(rng, tmp_path, lowest_m, off_m):
+    """Lower than usual where points are: the floor cannot be above them. The photographs are black."""
     captures, sparse = _scene(_held(rng), _leaning(rng, lowest_m))
+    captures = _photographed(tmp_path, captures)
     found = register(Imported(captures, "test", True), sparse, Scale(), SETTINGS)
     assert found.ground.startswith("no floor seen")
     assert found.world_from_capture[2, 2] == pytest.approx(1.0, abs=1e-12)
@@ -224,8 +225,9 @@ def test_metric_poses_without_a_floor_are_upright_as_their_frame_and_at_a_usual_
     assert _tilt_deg(solved) > 3.0
 
 
-def test_points_that_are_no_numbers_tell_no_height(rng):
+def test_points_that_are_no_numbers_tell_no_height(rng, tmp_path):
     captures, sparse = _scene(_held(rng), np.concatenate([_leaning(rng, -0.25), np.full((5, 3), np.nan)]))
+    captures = _photographed(tmp_path, captures)
     found = register(Imported(captures, "test", True), sparse, Scale(), SETTINGS)
     assert np.isfinite(found.world_from_capture).all()
 

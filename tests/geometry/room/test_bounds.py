@@ -14,17 +14,9 @@ from r2sego_blender.config.settings import Settings
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.images import save_image
 from r2sego_blender.geometry.proxy.fusion import compose_proxy
-from r2sego_blender.geometry.room.bounds import (
-    _LEAST_VARIANCE,
-    _PATCH_RADIUS_PX,
-    _PATCH_STEP_PX,
-    _likeness_on,
-    _unexplained,
-    _View,
-    with_missing_bounds,
-)
-from r2sego_blender.geometry.room.completion import complete_depth, trusted_depth
-from r2sego_blender.geometry.room.planes import RoomPlanes, find_planes
+from r2sego_blender.geometry.room.bounds import with_missing_bounds
+from r2sego_blender.geometry.room.completion import complete_depth
+from r2sego_blender.geometry.room.planes import find_planes
 from r2sego_blender.geometry.stereo.stereo import DepthMap
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 
@@ -202,46 +194,3 @@ def test_without_points_planes_are_as_they_were(room):
     nothing = SimpleNamespace(points=np.zeros((0, 3)), normals=np.zeros((0, 3)))
     before, after = planes_of(room.captures, list(room.depth_maps), nothing)
     assert before is after
-
-
-def plain_likeness(view, other, pixel, normal, offset):
-    """What the kernel computes for one pixel, plane and other view; None out of its sight."""
-    steps = np.arange(-_PATCH_RADIUS_PX, _PATCH_RADIUS_PX + 1, _PATCH_STEP_PX)
-    columns, rows = (part.ravel() for part in np.meshgrid(pixel[0] + steps, pixel[1] + steps))
-    rays = view.camera.rays()[rows, columns] @ view.camera.world_from_camera[:3, :3].T
-    points = view.camera.centre + rays * ((offset - normal @ view.camera.centre) / (rays @ normal))[:, None]
-    pixels, depth = other.camera.project(points)
-    u, v = pixels.T - 0.5
-    height, width = other.grey.shape
-    if (depth <= 0).any() or (u < 0).any() or (v < 0).any() or (u > width - 2).any() or (v > height - 2).any():
-        return None
-    m, n = u.astype(int), v.astype(int)
-    s, t = u - m, v - n
-    there = (other.grey[n, m] * (1 - s) + other.grey[n, m + 1] * s) * (1 - t)
-    there += (other.grey[n + 1, m] * (1 - s) + other.grey[n + 1, m + 1] * s) * t
-    here = view.grey[rows, columns].astype(float)
-    covariance = ((here - here.mean()) * (there - there.mean())).mean()
-    return covariance / np.sqrt((here.var() + _LEAST_VARIANCE) * (there.var() + _LEAST_VARIANCE))
-
-
-def test_the_kernel_computes_what_a_plain_program_does(room):
-    rng = np.random.default_rng(5)
-    blind = [dataclasses.replace(one, support=np.zeros_like(one.support)) for one in room.depth_maps]
-    a, b = (
-        _View.of(*one)
-        for one in zip(room.captures[1:3], blind[1:3], trusted_depth(blind, SETTINGS.stereo)[1:3], strict=True)
-    )
-    everything = RoomPlanes(np.zeros((0, 3)), np.zeros(0), np.zeros(0, int), np.zeros(0, bool))
-    pixels, compared = _unexplained(a), 0
-    for _ in range(20):
-        normal = np.array([0.0, -1.0, 0.0]) + rng.normal(size=3) * 0.2
-        normal /= np.linalg.norm(normal)
-        offset = rng.uniform(-2.5, -0.8)
-        like, beyond = _likeness_on(a, [b], pixels, everything, normal[None], np.array([offset]))
-        assert not beyond.any()
-        for i in rng.choice(len(pixels), 20):
-            expected = plain_likeness(a, b, pixels[i], normal, offset)
-            if expected is not None and like[0, i] > -2.0:
-                assert abs(like[0, i] - expected) < 1e-3
-                compared += 1
-    assert compared > 100
