@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..bundle.scene import Scene
 from ..core.errors import GenerationError, SettingsError
 from ..generation.view_records import decide, read_views
+from ..refine.view_effect import effects_of_round
+
+_NEARNESS = ("psnr_before", "psnr_after")
 
 
 def decide_views(
@@ -43,11 +46,16 @@ def describe_views(scene: Scene, round_index: int) -> dict[str, Any]:
             where=folder,
             cure="Run `r2sego refine` first, or choose another round.",
         )
+    effects = effects_of_round(scene, round_index)
+    views = [record.to_json() for record in records]
+    for record, view in zip(records, views, strict=True):
+        effect = effects.get(record.rank)
+        view["effect"] = None if effect is None else effect.to_json()
     return {
         "scene": str(scene.path),
         "round": round_index,
         "accepted": sum(record.accepted for record in records),
-        "views": [record.to_json() for record in records],
+        "views": views,
     }
 
 
@@ -62,6 +70,13 @@ def lines(described: dict[str, Any]) -> list[str]:
         stands = f", stands in for view {view['replaces']}" if view["replaces"] >= 0 else ""
         text.append(
             f"{view['rank']:>4}{view['rollout']:>9}{view['frame']:>7}  {mark} "
-            f"{view['reference']}: {view['fate']}{stands}"
+            f"{view['reference']}: {view['fate']}{stands}{_effect(view['effect'])}"
         )
     return text
+
+
+def _effect(effect: Mapping[str, float | None] | None) -> str:
+    if effect is None:
+        return ""
+    before, after = ("equal" if effect[name] is None else f"{effect[name]:.1f} dB" for name in _NEARNESS)
+    return f"; {effect['new']:.0%} new to the asset, which came from {before} to {after}"

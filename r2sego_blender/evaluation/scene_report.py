@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from ..bundle.backends import WITH_RECORDED
-from ..bundle.figures import COUNTS, damaged
 from ..bundle.layout import REPORT_PAGE, of_round
 from ..bundle.scene import Scene
 from ..captures.capture import Capture
@@ -19,7 +18,7 @@ from ..config.presets import entries
 from ..generation.conditions.condition_files import load_conditions
 from ..generation.view_records import ViewRecord, read_views
 from ..geometry.proxy.proxy import PROXY, GeometryProxy, Provenance
-from ..refine.view_effect import ViewEffect, effects_by_rank
+from ..refine.view_effect import ViewEffect, effects_of_round
 from ..results.status import robot_in_use, scores_hold
 from ..robot.rollouts.rollout import ROLLOUTS
 from ..views.selection import SELECTION, Selection
@@ -162,7 +161,7 @@ def _round(scene: Scene, index: int, influence: Mapping[str, Any]) -> Round:
     budget = scene.declaration.settings.selection.target_views
     plan = top_view(proxy)
     views = read_views(scene.path / of_round(index, "views"), budget)
-    effects = _effects(scene, index)
+    effects = effects_of_round(scene, index)
     removed = {view["rank"]: view["removed"] for view in influence.get("views", ()) if view["round"] == index}
     return Round(
         number=index,
@@ -187,17 +186,6 @@ def _round(scene: Scene, index: int, influence: Mapping[str, Any]) -> Round:
         ),
         note=selection.note,
     )
-
-
-def _effects(scene: Scene, index: int) -> dict[int, ViewEffect]:
-    """What the round's update made of its views; none of a round that was cut off before its counts."""
-    counts = COUNTS.of_round(index)
-    if not (scene.path / counts.name).is_file():
-        return {}
-    try:
-        return effects_by_rank(scene.read(counts).get("views", ()))
-    except (LookupError, TypeError, ValueError) as error:
-        raise damaged(scene.path / counts.name, "what its views did is missing or wrong") from error
 
 
 def _target(

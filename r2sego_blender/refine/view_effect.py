@@ -12,6 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ..bundle.figures import COUNTS, damaged
+from ..bundle.scene import Scene
 from ..core.json_files import finite_number
 from ..generation.ego_views import PseudoObservation
 from ..splats.asset import SplatAsset
@@ -48,6 +50,20 @@ def view_effect(view: PseudoObservation, before: SplatAsset, after: SplatAsset, 
     then, now = render(before, view.camera, behind), render(after, view.camera, behind)
     new = round(float((then.alpha < MISSING_ALPHA).mean()), 4)
     return ViewEffect(view.rank, new, *(_finite(psnr(shown.colour, view.image)) for shown in (then, now)))
+
+
+def effects_of_round(scene: Scene, index: int) -> dict[int, ViewEffect]:
+    """What a round's update made of its views, by rank; nothing of one that was cut off before its counts.
+
+    Raises SceneError where they are damaged.
+    """
+    counts = COUNTS.of_round(index)
+    if not (scene.path / counts.name).is_file():
+        return {}
+    try:
+        return effects_by_rank(scene.read(counts).get("views", ()))
+    except (LookupError, TypeError, ValueError) as error:
+        raise damaged(scene.path / counts.name, "what its views did is missing or wrong") from error
 
 
 def effects_by_rank(entries: Sequence[Mapping[str, Any]]) -> dict[int, ViewEffect]:

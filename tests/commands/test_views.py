@@ -50,6 +50,20 @@ def test_views_are_listed(room):
     assert [view["accepted"] for view in told["views"]] == [True, False]
 
 
+def test_what_the_round_made_of_a_view_stands_beside_it(room):
+    """As its counts tell it, and only where they do; what is damaged is a sentence."""
+    assert [view["effect"] for view in json.loads(r2sego("views", room, "--json").output)["views"]] == [None, None]
+    effect = {"rank": 0, "new": 0.25, "psnr_before": 12.25, "psnr_after": None}
+    counts = room / "rounds" / "0" / "metrics.json"
+    counts.write_text(json.dumps({"views": [effect]}))
+    assert [view["effect"] for view in json.loads(r2sego("views", room, "--json").output)["views"]] == [effect, None]
+    told = r2sego("views", room).output
+    assert "25%" in told and "12.2" in told
+    counts.write_text(json.dumps({"views": [{**effect, "new": "all"}]}))
+    said = r2sego("views", room)
+    assert said.exit_code == 1 and "metrics.json" in said.output
+
+
 def test_views_are_decided_on_by_hand(room):
     assert r2sego("views", room, "--round", 0, "--reject", 0).exit_code == 0
     assert json.loads((room / "rounds/0/views/000/decision.json").read_text())["accepted"] is False
