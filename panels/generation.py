@@ -72,6 +72,7 @@ class R2SEGO_PT_generation_view(Sidebar, bpy.types.Panel):
             ("Residual", view.residual),
             ("Uncertainty", view.uncertainty),
             ("Replacement", view.replacement),
+            ("Effect", view.effect),
             ("Path", view.note),
         ):
             if value:

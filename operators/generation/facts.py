@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import bpy
 
 from ...r2sego_blender.bridge.shared.panel_facts import Facts, facts_of
+from ...r2sego_blender.generation.view_effects import ViewEffect, effects_of_round
 from ...r2sego_blender.generation.view_records import ViewRecord
 from ...r2sego_blender.results.panels.bundle import Bundle
 from ...r2sego_blender.results.panels.view_parts import clip_files, views_of_round
@@ -16,8 +17,8 @@ class GeneratedView:
     """A generated view and what became of it, in words; '' where there is nothing to tell.
 
     ``rank`` is its place in the selection, ``candidate`` its number in the candidate stream; ``fate`` says
-    why it is ``accepted`` or not, ``replacement`` which view it replaces or is replaced by, and ``note``
-    what is out of the ordinary on the camera's way.
+    why it is ``accepted`` or not, ``replacement`` which view it replaces or is replaced by, ``effect`` what the
+    round's update made of it, and ``note`` what is out of the ordinary on the camera's way.
     """
 
     name: str
@@ -34,6 +35,7 @@ class GeneratedView:
     residual: str
     uncertainty: str
     replacement: str
+    effect: str
 
 
 @dataclass(frozen=True)
@@ -45,8 +47,10 @@ class GenerationFacts:
 
 
 def read(scene: bpy.types.Scene, bundle: Bundle) -> GenerationFacts:
-    """The round's views. Raises GenerationError when a view's files are damaged."""
-    views = Facts(map(_told, views_of_round(bundle, scene.r2sego.round_index)))
+    """The round's views. Raises R2SEgoError when a view's files, or the round's counts, are damaged."""
+    index = scene.r2sego.round_index
+    effects = effects_of_round(bundle.scene, index)
+    views = Facts(_told(record, effects.get(record.rank)) for record in views_of_round(bundle, index))
     return GenerationFacts(views, sum(view.accepted for view in views))
 
 
@@ -67,7 +71,7 @@ def forget_bundle(scene: bpy.types.Scene, _bundle: Bundle) -> None:
     scene.r2sego_generation.property_unset("truth")
 
 
-def _told(record: ViewRecord) -> GeneratedView:
+def _told(record: ViewRecord, effect: ViewEffect | None) -> GeneratedView:
     figures = record.figures
     registration = residual = uncertainty = replacement = ""
     if "inliers" in figures:
@@ -96,4 +100,5 @@ def _told(record: ViewRecord) -> GeneratedView:
         residual=residual,
         uncertainty=uncertainty,
         replacement=replacement,
+        effect="" if effect is None else str(effect),
     )

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from ..bundle.scene import Scene
 from ..core.errors import GenerationError, SettingsError
+from ..generation.view_effects import ViewEffect, effects_of_round
 from ..generation.view_records import decide, read_views
-from ..refine.view_effect import effects_of_round
-
-_NEARNESS = ("psnr_before", "psnr_after")
 
 
 def decide_views(
@@ -68,15 +66,9 @@ def lines(described: dict[str, Any]) -> list[str]:
     for view in views:
         mark = "+" if view["accepted"] else "-"
         stands = f", stands in for view {view['replaces']}" if view["replaces"] >= 0 else ""
+        effect = f"; {ViewEffect.from_json(view['effect'])}" if view["effect"] else ""
         text.append(
             f"{view['rank']:>4}{view['rollout']:>9}{view['frame']:>7}  {mark} "
-            f"{view['reference']}: {view['fate']}{stands}{_effect(view['effect'])}"
+            f"{view['reference']}: {view['fate']}{stands}{effect}"
         )
     return text
-
-
-def _effect(effect: Mapping[str, float | None] | None) -> str:
-    if effect is None:
-        return ""
-    before, after = ("equal" if effect[name] is None else f"{effect[name]:.1f} dB" for name in _NEARNESS)
-    return f"; {effect['new']:.0%} new to the asset, which came from {before} to {after}"

@@ -16,9 +16,9 @@ from ..captures.capture import Capture
 from ..captures.store import CAPTURES
 from ..config.presets import entries
 from ..generation.conditions.condition_files import load_conditions
+from ..generation.view_effects import ViewEffect, effects_of_round
 from ..generation.view_records import ViewRecord, read_views
 from ..geometry.proxy.proxy import PROXY, GeometryProxy, Provenance
-from ..refine.view_effect import ViewEffect, effects_of_round
 from ..results.status import robot_in_use, scores_hold
 from ..robot.rollouts.rollout import ROLLOUTS
 from ..views.selection import SELECTION, Selection

@@ -152,6 +152,7 @@ def _fill_round(folder: Path, index: int) -> None:
         "candidates": CANDIDATES,
         "targets": len(TARGETS),
         "views_kept": 2,
+        "views": [{"rank": 0, "new": 0.4, "psnr_before": 20.0, "psnr_after": 24.5}],
     }
     (folder / "metrics.json").write_text(json.dumps(counts))
     fill_rollouts(folder, index)

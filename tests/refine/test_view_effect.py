@@ -8,7 +8,8 @@ import pytest
 from small_bundle import camera, splats
 
 from r2sego_blender.generation.ego_views import PseudoObservation
-from r2sego_blender.refine.view_effect import ViewEffect, effects_by_rank, view_effect
+from r2sego_blender.generation.view_effects import ViewEffect, effects_by_rank
+from r2sego_blender.refine.view_effect import view_effect
 from r2sego_blender.splats.asset import SplatAsset
 
 SHAPE = camera().shape

@@ -40,6 +40,7 @@ def check_the_list_tells_what_became_of_the_views():
     assert group().accepted == 3
     assert rows[1].fate == "rejected: no patch is found" and rows[1].replacement == "replaced by view 3"
     assert rows[3].replacement == "stands in for view 1"
+    assert "40%" in rows[0].effect and "24.5" in rows[0].effect and rows[1].effect == ""
     assert rows[0].registration == "90 of 100 patches, over 75% of the image"
     assert rows[0].residual == "12.0 mm, 0.25 deg off" and rows[0].uncertainty == "6.0 mm, 0.20 deg"
     assert rows[1].residual == "" and not rows[1].has_clip and rows[0].has_clip
