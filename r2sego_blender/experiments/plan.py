@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from ..bundle.declaration import DECLARATION
-from ..config.declared_files import Reader, did_you_mean
+from ..config.declared_files import Reader, did_you_mean, is_number
 from ..config.fields import setting
 from ..config.presets import PRESETS, by_dotted_keys, preset, with_overrides
 from ..config.settings import Settings
@@ -54,6 +54,15 @@ def _overrides(value: Any, _where: Path) -> Overrides:
     return tuple(by_dotted_keys(value).items())
 
 
+def _camera_height(value: Any, _where: Path) -> str:
+    """As the command takes it: a number of metres, written as one or as text, or robot."""
+    if is_number(value):
+        return repr(float(value))
+    if not isinstance(value, str):
+        raise ValueError('Write metres, such as 1.5, or "robot".')
+    return value
+
+
 def _arms(value: Any, _where: Path) -> tuple[str, ...]:
     names = tuple(dict.fromkeys(value))
     for name in names:
@@ -74,7 +83,7 @@ class PlannedScene:
     poses: Path | None = setting(None, "Poses of the photographs; by default what lies there, else solved.", read=_path)
     robot: str = setting("", "As for `r2sego new`.", read=_file_or_name)
     scope: str = setting("", "As for `r2sego new`.", read=_file_or_name)
-    camera_height: str = setting("", "As for `r2sego new`: metres, or robot.")
+    camera_height: str = setting("", "As for `r2sego new`: metres, or robot.", read=_camera_height)
     overrides: Overrides = setting((), "Settings captures.* of the import.", read=_overrides)
 
     @property

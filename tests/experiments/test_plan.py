@@ -40,6 +40,13 @@ def test_settings_are_those_of_preset_overrides_and_seed(plan_file):
 
 
 @pytest.mark.parametrize(
+    ("written", "given"), [("1.587", "1.587"), ('"1.5"', "1.5"), ('"robot"', "robot"), ("2", "2.0")]
+)
+def test_a_camera_height_is_a_number_or_a_word(plan_file, written, given):
+    assert load(plan_file, SCENE + f"camera_height = {written}\n").scenes[0].camera_height == given
+
+
+@pytest.mark.parametrize(
     ("text", "key", "cure"),
     [
         ("sedes = [1]\n" + SCENE, "sedes", "Did you mean seeds?"),
@@ -52,6 +59,7 @@ def test_settings_are_those_of_preset_overrides_and_seed(plan_file):
         ("counts = [6]\n", "scenes is empty", "at least one"),
         (SCENE + SCENE, "scenes has room twice", "name of their own"),
         (SCENE + SCENE.replace('"room"', '"ROOM"'), "twice", "name of their own"),
+        (SCENE + "camera_height = nan\n", "scenes[0].camera_height", "robot"),
         (SCENE + 'name = "a/b"\n', "scenes[0].name", "letters, digits"),
         ('[[scenes]]\ncaptures = "room"\n', "scenes[0].frozen is missing", ""),
         (SCENE + "overrides = { rounds = 2 }\n", "scenes[0].overrides.rounds", "preset's"),
