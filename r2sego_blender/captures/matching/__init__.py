@@ -1,4 +1,4 @@
-"""Which photographs show the same things: features, and their matches.
+"""Which photographs show the same things: features and their matches, and how alike patches look on planes.
 
 Begin with ``overlap``.
 """
