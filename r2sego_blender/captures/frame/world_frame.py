@@ -44,6 +44,9 @@ _UPRIGHT_AXIS = np.cos(np.radians(4.0))
 # And within which a floor is looked for under one.
 _ABOUT_UPRIGHT_AXIS = np.cos(np.radians(25.0))
 
+# How a direction up is called.
+_BY_DEVICE, _BY_AXIS = "upright as the device measured gravity", "upright as an axis of the poses"
+
 # Points are this far off, and where there is none, a camera is held at least this high.
 _POINTS_OFF_M, _LOWEST_HELD_M = 0.03, 0.5
 
@@ -163,7 +166,8 @@ def _swept(imported: Imported, points: np.ndarray, unit_m: float) -> Ground | No
     found = swept_floor(scaled, up, highest * unit_m + _POINTS_OFF_M)
     if found is None:
         return None
-    told = f"floor by plane sweeping: {found.patches} patches look alike on it"
+    how = _BY_AXIS if imported.up is None else _BY_DEVICE
+    told = f"floor by plane sweeping, {how}: {found.patches} patches look alike on it"
     return Ground(up, found.height_m / unit_m, found.patches, True, told)
 
 
@@ -173,11 +177,11 @@ def _upright(imported: Imported, ground: Ground, points: int) -> tuple[np.ndarra
     The largest surface of the ``points`` may lean, so it comes last but for the cameras.
     """
     if imported.up is not None:
-        return imported.up / np.linalg.norm(imported.up), "upright as the device measured gravity"
+        return imported.up / np.linalg.norm(imported.up), _BY_DEVICE
     guess = up_guess([capture.camera for capture in imported.captures])
     axis = _nearest_axis(guess)
     if (imported.metric or not points) and axis @ guess > _UPRIGHT_AXIS:
-        return axis, "upright as an axis of the poses"
+        return axis, _BY_AXIS
     if points:
         return ground.normal, ground.description.removeprefix(NOT_SEEN).removesuffix(BY_LOWEST_POINTS)
     return guess, "upright as the cameras were held"
