@@ -170,7 +170,7 @@ class _Session:
         send(self._study, Control.START)
         self.wait_for("RUNNING")
 
-    def wait_for(self, state: str, limit_s: float = 60.0) -> None:
+    def wait_for(self, state: str, limit_s: float = 300.0) -> None:
         until_s = time.monotonic() + limit_s
         while not self._is(state):
             if self._process.poll() is not None or time.monotonic() > until_s:
