@@ -159,9 +159,8 @@ class Target:
 
     ``generated`` is the frame that was kept of the clip; ``offset_m`` and ``turn_deg`` are
     between the query pose and the pose that registration found; ``verdict`` says in words
-    why the frame was kept or rejected. Of one that was trained on: ``new`` in [0, 1], the share of its pixels that
-    the asset did not show before, PSNR to the frame before and after the round, and ``removed``, the
-    share of the frozen views' squared error that it took away.
+    why the frame was kept or rejected. Of one that was trained on ``effect`` says what the round's update
+    made of it, and ``removed`` is the share of the frozen views' squared error that it took away.
     """
 
     name: str
@@ -175,9 +174,7 @@ class Target:
     inliers: int | None = None
     offset_m: float | None = None
     turn_deg: float | None = None
-    new: float | None = None
-    psnr_before: float | None = None
-    psnr_after: float | None = None
+    effect: str = ""
     removed: float | None = None
 
 

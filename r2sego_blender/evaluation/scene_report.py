@@ -211,9 +211,7 @@ def _target(
         inliers=None if inliers is None else int(inliers),
         offset_m=view.figures.get("offset_m"),
         turn_deg=view.figures.get("turn_deg"),
-        new=None if effect is None else effect.new,
-        psnr_before=None if effect is None else effect.psnr_before,
-        psnr_after=None if effect is None else effect.psnr_after,
+        effect="" if effect is None else str(effect),
         removed=removed,
     )
 

@@ -43,7 +43,10 @@ def swept_floor(captures: Sequence[Capture], up: np.ndarray, highest_m: float) -
     if len(views) < 2 or len(heights) < 2:
         return None
     near = np.argsort(np.linalg.norm(centres[:, None] - centres[None], axis=2), axis=1, kind="stable")
-    compared = [(view, [views[other] for other in near[i][1 : _MOST_OTHERS + 1]]) for i, view in enumerate(views)]
+    compared = [
+        (view, [views[other] for other in near[i][1 : _MOST_OTHERS + 1]], textured_pixels(view))
+        for i, view in enumerate(views)
+    ]
     likeness = _likeness(compared, up, heights)
     alike = (likeness >= _ALIKE).sum(axis=1)
     best = int(np.argmax(alike))
@@ -66,12 +69,13 @@ def _grey(capture: Capture) -> GreyView:
 
 
 def _likeness(
-    compared: Sequence[tuple[GreyView, Sequence[GreyView]]], up: np.ndarray, heights: np.ndarray
+    compared: Sequence[tuple[GreyView, Sequence[GreyView], np.ndarray]], up: np.ndarray, heights: np.ndarray
 ) -> np.ndarray:
     """(H, N) of the level planes at ``heights`` (H,) and all patches of all views, -2 where nothing is compared."""
     normals = np.broadcast_to(up, (len(heights), 3))
-    asked = [(view, others, textured_pixels(view)) for view, others in compared]
     found = [
-        likeness_on_planes(view, others, pixels, normals, heights)[0] for view, others, pixels in asked if len(pixels)
+        likeness_on_planes(view, others, pixels, normals, heights)[0]
+        for view, others, pixels in compared
+        if len(pixels)
     ]
     return np.concatenate(found, axis=1) if found else np.full((len(heights), 0), -2.0, np.float32)

@@ -30,15 +30,17 @@ _MIN_SHARE_OF_STRONGEST = 0.08
 _LOWEST_PERCENTILE = 2.0
 _SLAB = 3.0
 
-NOT_SEEN, BY_LOWEST_POINTS = "no floor seen: ", ", height from the lowest points"
-"""How the description of a ground without a floor begins, and ends where the lowest points told its height."""
+BY_DEVICE, AS_HELD = "upright as the device measured gravity", "upright as the cameras were held"
+BY_LOWEST_POINTS = "height from the lowest points"
+"""How up and the height of a ground without a floor were told, in words."""
 
 
 @dataclass(frozen=True)
 class Ground:
     """The plane ``normal . x = offset``, normal (3,) upwards; ``found`` False for a fallback.
 
-    ``support`` points lie on it; ``description`` says in words how it was decided.
+    ``support`` points lie on it; ``description`` says in words how it was decided, and ``upright`` how up
+    was told where no floor does.
     """
 
     normal: np.ndarray
@@ -46,6 +48,12 @@ class Ground:
     support: int
     found: bool
     description: str
+    upright: str = ""
+
+    @staticmethod
+    def unseen(normal: np.ndarray, offset: float, upright: str, height: str) -> Ground:
+        """One where no floor is seen; ``upright`` and ``height`` say in words what told both."""
+        return Ground(normal, offset, 0, False, f"no floor seen: {upright}, {height}", upright)
 
     def height(self, points: np.ndarray) -> np.ndarray:
         """(...,) signed distances of points (..., 3) above the ground."""
@@ -110,13 +118,13 @@ def find_ground(
         support = int((np.abs(points @ normal - offset) <= tolerance).sum())
         return Ground(normal, offset, support, True, f"floor plane through {support} points")
     if measured:
-        normal, how = up, "upright as the device measured gravity"
+        normal, how = up, BY_DEVICE
     elif solid:
         normal, how = level, "level with the largest surface"
     else:
-        normal, how = up, "upright as the cameras were held"
+        normal, how = up, AS_HELD
     offset = lowest(points if len(points) else centres, normal)
-    return Ground(normal, offset, 0, False, f"{NOT_SEEN}{how}{BY_LOWEST_POINTS}")
+    return Ground.unseen(normal, offset, how, BY_LOWEST_POINTS)
 
 
 def lowest(points: np.ndarray, up: np.ndarray) -> float:

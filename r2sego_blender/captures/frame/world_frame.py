@@ -20,7 +20,7 @@ from ..sparse import USUAL_DEPTH_M, usual_depth
 from ..sparse_points import SparsePoints
 from .depth_scale import depth_scale, likely_unit_m
 from .floor_sweep import swept_floor
-from .ground import BY_LOWEST_POINTS, NOT_SEEN, Ground, find_ground, lowest, up_guess
+from .ground import AS_HELD, BY_DEVICE, BY_LOWEST_POINTS, Ground, find_ground, lowest, up_guess
 from .scale import Scale, length_scale, marker_scale
 
 ASSUMED_CAMERA_HEIGHT_M = 1.5
@@ -44,8 +44,8 @@ _UPRIGHT_AXIS = np.cos(np.radians(4.0))
 # And within which a floor is looked for under one.
 _ABOUT_UPRIGHT_AXIS = np.cos(np.radians(25.0))
 
-# How a direction up is called.
-_BY_DEVICE, _BY_AXIS = "upright as the device measured gravity", "upright as an axis of the poses"
+# How a direction up is called that their frame tells.
+_BY_AXIS = "upright as an axis of the poses"
 
 # Points are this far off, and where there is none, a camera is held at least this high.
 _POINTS_OFF_M, _LOWEST_HELD_M = 0.03, 0.5
@@ -139,13 +139,11 @@ def _without_floor_points(
     heights = np.array([capture.camera.centre for capture in imported.captures]) @ up
     if given:
         offset = float(heights[0]) - scale.metres / unit_m
-        told = f"{NOT_SEEN}{how}, {scale.metres:g} m under the first camera, as given"
-        return Ground(up, offset, 0, False, told), unit_m
+        return Ground.unseen(up, offset, how, f"{scale.metres:g} m under the first camera, as given"), unit_m
     usual = float(np.median(heights)) - ASSUMED_CAMERA_HEIGHT_M / unit_m
     if len(points) and lowest(points, up) <= usual:
-        return Ground(up, lowest(points, up), 0, False, f"{NOT_SEEN}{how}{BY_LOWEST_POINTS}"), unit_m
-    told = f"{NOT_SEEN}{how}, {ASSUMED_CAMERA_HEIGHT_M:g} m under the cameras, as is usual"
-    return Ground(up, usual, 0, False, told), unit_m
+        return Ground.unseen(up, lowest(points, up), how, BY_LOWEST_POINTS), unit_m
+    return Ground.unseen(up, usual, how, f"{ASSUMED_CAMERA_HEIGHT_M:g} m under the cameras, as is usual"), unit_m
 
 
 def _swept(imported: Imported, points: np.ndarray, unit_m: float) -> Ground | None:
@@ -166,7 +164,7 @@ def _swept(imported: Imported, points: np.ndarray, unit_m: float) -> Ground | No
     found = swept_floor(scaled, up, highest * unit_m + _POINTS_OFF_M)
     if found is None:
         return None
-    how = _BY_AXIS if imported.up is None else _BY_DEVICE
+    how = _BY_AXIS if imported.up is None else BY_DEVICE
     told = f"floor by plane sweeping, {how}: {found.patches} patches look alike on it"
     return Ground(up, found.height_m / unit_m, found.patches, True, told)
 
@@ -177,14 +175,14 @@ def _upright(imported: Imported, ground: Ground, points: int) -> tuple[np.ndarra
     The largest surface of the ``points`` may lean, so it comes last but for the cameras.
     """
     if imported.up is not None:
-        return imported.up / np.linalg.norm(imported.up), _BY_DEVICE
+        return imported.up / np.linalg.norm(imported.up), BY_DEVICE
     guess = up_guess([capture.camera for capture in imported.captures])
     axis = _nearest_axis(guess)
     if (imported.metric or not points) and axis @ guess > _UPRIGHT_AXIS:
         return axis, _BY_AXIS
     if points:
-        return ground.normal, ground.description.removeprefix(NOT_SEEN).removesuffix(BY_LOWEST_POINTS)
-    return guess, "upright as the cameras were held"
+        return ground.normal, ground.upright
+    return guess, AS_HELD
 
 
 def _nearest_axis(guess: np.ndarray) -> np.ndarray:
