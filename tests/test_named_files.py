@@ -19,6 +19,8 @@ NAMES = frozenset(file.relative_to(ROOT).as_posix() for file in SOURCES)
 OTHERS = frozenset(
     {"colmap2nerf.py", "inference.py", "notebook/inference.py", "render.py", "struct.py"}
     | {"batch_gs_renderer.py", "math_utils.py", "scene_ingest.py", "room.py"}
+    | {"examples/utils.py", "src/inference_difix.py"}
+    | {"train.py", "batch_sparse.py", "genfusion_scripts/batch_sparse.py"}
 )
 """Files of other programs, and the one that an export writes for them."""
 

@@ -50,7 +50,7 @@ COUNTS = Artifact("metrics.json", read_table, _write, editable=False)
 METRICS = Artifact("report/metrics.json", _scores)
 """The scores that the last evaluation left; empty before the first."""
 
-BASELINES = ("vanilla_3dgs", "gaussgym", "same_points")
+BASELINES = ("vanilla_3dgs", "gaussgym", "same_points", "difix3d_plus", "genfusion")
 """The arms of ``METRICS`` that are methods of others. A gain is told against the one that scores best."""
 
 ROBOT_FACTS = Artifact("robot/robot.json", read_table, _write)

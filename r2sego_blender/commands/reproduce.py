@@ -66,11 +66,11 @@ def table3(
     All else is the same. Both are tested where they learnt, on separate chairs, and in the reference room. What is
     there is not made again; table3.md in the folder is the table. SCENE has been evaluated.
     """
-    from ..bundle.figures import METRICS
+    from ..bundle.figures import BASELINES, METRICS
     from ..bundle.scene import Scene
     from ..core.atomic_files import write_whole
     from ..core.errors import EvaluationError
-    from ..evaluation.arms import ARMS, REFINED, strongest_baseline
+    from ..evaluation.arms import ARMS, EVERYWHERE, REFINED, strongest_baseline
     from ..policy.environment.chairs import CHAIRS
     from ..policy.paired.experiment import PairedExperiment, run_experiment
     from ..policy.paired.table import markdown
@@ -78,7 +78,7 @@ def table3(
 
     bundle = Scene.open(scene)
     psnr = {arm: scores["psnr"] for arm, scores in bundle.read(METRICS).get("arms", {}).items()}
-    baseline = strongest_baseline(psnr)
+    baseline = strongest_baseline(psnr, [arm for arm in BASELINES if arm in EVERYWHERE])  # with an asset to see
     if not baseline or REFINED not in psnr:
         raise EvaluationError(
             "the scene's arms were not scored yet", where=scene, cure="Run `r2sego evaluate` on it first."

@@ -30,13 +30,14 @@ def evaluate(scene: Path, frozen: Path, arms: str, distinct: bool, output: Outpu
     """Score SCENE on frozen views against what it has to beat; writes report/metrics.json.
 
     Vanilla 3DGS, the same points at this project's rates, and Algorithm 1 without generated views are trained on
-    the same photographs first, unless that was done before. Photographs that are held out must not have been
-    among those of SCENE.
+    the same photographs first, unless that was done before; difix3d_plus and genfusion are asked for by name, and
+    need environments of their own (`r2sego doctor --backends`). Photographs that are held out must not have been among
+    those of SCENE.
     """
-    from ..evaluation.arms import ARMS, named_arms
+    from ..evaluation.arms import EVERYWHERE, named_arms
     from ..evaluation.scene_evaluation import evaluate_scene, table
 
-    chosen = named_arms([name.strip() for name in arms.split(",")]) if arms else tuple(ARMS)
+    chosen = named_arms([name.strip() for name in arms.split(",")]) if arms else EVERYWHERE
     opened = Scene.open(scene)
     metrics = evaluate_scene(opened, frozen, output.progress, chosen, distinct)
     page = opened.report_folder / REPORT_PAGE

@@ -11,7 +11,7 @@ from ..bundle.layout import INITIAL_ASSET, REFINED_ASSET
 from ..config.declared_files import did_you_mean
 from ..core.errors import SettingsError
 
-INITIAL, VANILLA, GAUSSGYM, SAME_POINTS, WITHOUT_GENERATED, REFINED = (
+INITIAL, VANILLA, GAUSSGYM, SAME_POINTS, DIFIX3D_PLUS, GENFUSION, WITHOUT_GENERATED, REFINED = (
     "initial",
     *BASELINES,
     "without_generated_views",
@@ -21,11 +21,17 @@ INITIAL, VANILLA, GAUSSGYM, SAME_POINTS, WITHOUT_GENERATED, REFINED = (
 
 @dataclass(frozen=True)
 class ArmSource:
-    """One arm: what a person reads, its asset in the bundle, and how it was made."""
+    """One arm: what a person reads, its asset in the bundle, and how it was made.
+
+    A method of others that runs in an environment of its own (``external_arms``) has no asset, but ``views``, a file of
+    its pictures of the frozen views; ``base`` is the arm whose pictures it begins with, "" where none.
+    """
 
     label: str
     asset: str
     note: str
+    views: str = ""
+    base: str = ""
 
 
 ARMS: Mapping[str, ArmSource] = {
@@ -41,6 +47,19 @@ ARMS: Mapping[str, ArmSource] = {
     SAME_POINTS: ArmSource(
         "same points", "report/same_points.ply", "the same again at this project's rates, without densification"
     ),
+    DIFIX3D_PLUS: ArmSource(
+        "Difix3D+",
+        "",
+        "the GaussGym condition's pictures, each fixed by a one-step diffusion model with the nearest capture",
+        views="report/difix3d_plus.npz",
+        base=GAUSSGYM,
+    ),
+    GENFUSION: ArmSource(
+        "GenFusion",
+        "",
+        "its own training from the same observed points, captures and number of steps",
+        views="report/genfusion.npz",
+    ),
     WITHOUT_GENERATED: ArmSource(
         "no generated views",
         "report/without_generated_views/asset.ply",
@@ -50,15 +69,18 @@ ARMS: Mapping[str, ArmSource] = {
 }
 """The arms in the order of the table; the key is the name in metrics.json."""
 
+EVERYWHERE = tuple(name for name, source in ARMS.items() if source.asset)
+"""Those that need no environment of their own: what is compared where nobody says otherwise."""
 
-def strongest_baseline(psnr: Mapping[str, float | None]) -> str:
-    """The method of others whose ``psnr`` by arm is highest, '' where none was scored."""
+
+def strongest_baseline(psnr: Mapping[str, float | None], among: Iterable[str] = BASELINES) -> str:
+    """The method of others ``among`` which ``psnr`` by arm is highest, '' where none of them was scored."""
 
     def height(arm: str) -> float:
         found = psnr[arm]
         return math.inf if found is None else found  # None is that of two equal images
 
-    return max((arm for arm in BASELINES if arm in psnr), key=height, default="")
+    return max((arm for arm in among if arm in psnr), key=height, default="")
 
 
 def named_arms(names: Iterable[str]) -> tuple[str, ...]:

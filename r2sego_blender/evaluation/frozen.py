@@ -41,7 +41,8 @@ class ViewScore:
 class ArmScore:
     """The means over all frozen views of one arm, and each view's own scores.
 
-    ``lpips_alex`` is None where LPIPS could not be computed; ``lpips_reason`` then says why.
+    ``lpips_alex`` is None where LPIPS could not be computed; ``lpips_reason`` then says why. ``backend`` names what
+    made the pictures, with its weights, where that runs in an environment of its own.
     """
 
     psnr: float
@@ -49,6 +50,7 @@ class ArmScore:
     lpips_alex: float | None
     views: tuple[ViewScore, ...]
     lpips_reason: str = ""
+    backend: str = ""
 
 
 def score(

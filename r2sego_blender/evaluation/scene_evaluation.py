@@ -6,6 +6,7 @@ Frozen views are read here alone, after the refinement; nothing of them flows ba
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,16 +23,17 @@ from ..captures.solving.locating import locate_views
 from ..captures.sparse_points import SPARSE
 from ..captures.store import CAPTURES
 from ..core.cameras import Camera
-from ..core.errors import R2SEgoError, SceneError
+from ..core.errors import MachineError, NativeError, R2SEgoError, SceneError
 from ..core.progress import SILENT, Progress
 from ..geometry.stereo.stereo import DEPTH
 from ..splats.asset import SplatAsset
 from ..splats.formats.ply import load_made
 from . import generator_score, round_scores, scene_causes, view_influence
-from .arms import ARMS, REFINED
+from .arms import ARMS, EVERYWHERE, REFINED
 from .cause_figures import report_causes
 from .distinct_views import require_distinct, seen_in_training
 from .exposed_rendering import as_exposed
+from .external_arms.external_views import ExternalViews, external_views
 from .frozen import ArmScore, score
 from .generator_score import score_generator
 from .metrics_file import write_metrics
@@ -46,15 +48,15 @@ from .trained_arms import train_arms
 
 
 def evaluate_scene(
-    scene: Scene, frozen: Path, progress: Progress = SILENT, arms: Collection[str] = tuple(ARMS), distinct: bool = False
+    scene: Scene, frozen: Path, progress: Progress = SILENT, arms: Collection[str] = EVERYWHERE, distinct: bool = False
 ) -> dict[str, Any]:
     """Score the scene's arms and rounds on ``frozen``, and split the refined asset's error by
     cause; writes the report and returns ``metrics.json``.
 
     ``frozen`` is a cameras.json, of which the frozen list alone is read, or a folder of
     held-out photographs, which are located against the captures. Of ``arms`` alone are trained and
-    scored, and the refined one always. Raises SceneError when
-    the scene has not been refined, its asset is not as it was made, its world frame was
+    scored, and the refined one always; a method of others that is not set up here, or breaks, is told and not
+    scored. Raises SceneError when the scene has not been refined, its asset is not as it was made, its world frame was
     corrected since, or while another process or thread writes to it, and where views are to be
     ``distinct`` EvaluationError for one that was trained on (``require_distinct``).
     """
@@ -77,7 +79,9 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress, arms: Sequence[st
         progress.message(
             f"{', '.join(seen)}: taken from where a capture was; scores of what was trained on say little", "warning"
         )
-    train_arms(scene, progress, arms)
+    train_arms(scene, progress, {*arms, *(ARMS[arm].base for arm in arms)})
+    shown_by_others, not_scored = _external_views(scene, arms, views, progress)
+    arms = [arm for arm in arms if arm not in not_scored]
     scores: dict[str, ArmScore] = {}
     renderings: dict[str, dict[str, np.ndarray]] = {}
     depths: dict[str, list[np.ndarray]] = {}
@@ -85,14 +89,16 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress, arms: Sequence[st
     for arm in arms:
         source = ARMS[arm]
         pictures = renderings[arm] = {}
-        asset = load_made(scene.path / source.asset)
-        scores[arm] = score(
-            _renderer(asset, captures, depths.setdefault(arm, [])),
+        found = depths.setdefault(arm, [])
+        made = shown_by_others.get(arm)
+        scored = score(
+            made.at(views) if made else _renderer(load_made(scene.path / source.asset), captures, found),
             views,
             keep=pictures.__setitem__,
             progress=progress,
             title=f"Scoring {source.label}",
         )
+        scores[arm] = replace(scored, backend=made.told if made else "")
     rounds = score_rounds(scene, views, progress)
     generator = score_generator(scene, views, progress)
     images = {arm: [pictures[view.name] for view in views] for arm, pictures in renderings.items()}
@@ -113,12 +119,30 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress, arms: Sequence[st
         generated_views=influence,
         causes=scene_causes.as_entry(causes),
         assets=_scored(scene, arms),
+        not_scored=not_scored,
     )
     unseen = [] if isinstance(surfaces, str) else [~view.seen for view in surfaces.views]
     shown = _pictures(views, scores, renderings, figures, unseen)
     split = report_causes(causes, scores[REFINED], shown)
     write_scene_report(scene, scores, shown, rounds, split, figures, generator_score.told(generator), influence)
     return metrics
+
+
+def _external_views(
+    scene: Scene, arms: Sequence[str], views: Sequence[Capture], progress: Progress
+) -> tuple[dict[str, ExternalViews], dict[str, str]]:
+    """What methods of others show, by arm, and of those that show nothing why."""
+    shown: dict[str, ExternalViews] = {}
+    not_scored: dict[str, str] = {}
+    for arm in arms:
+        if not ARMS[arm].views:
+            continue
+        try:
+            shown[arm] = external_views(scene, arm, views, progress)
+        except (MachineError, NativeError) as error:
+            not_scored[arm] = str(error)
+            progress.message(f"{ARMS[arm].label} is not scored: {error}", "warning")
+    return shown, not_scored
 
 
 def frozen_views(scene: Scene, frozen: Path, progress: Progress = SILENT) -> tuple[Capture, ...]:
@@ -151,6 +175,7 @@ def table(metrics: Mapping[str, Any]) -> str:
         seen, unseen = (_psnr(scored[kind]) if kind in scored else "-" for kind in ("psnr_seen", "psnr_unseen"))
         lines.append(line + (f"{seen:>9}{unseen:>11}" if regions else ""))
     lines += round_scores.lines(metrics["rounds"])
+    lines += [f"{ARMS[arm].label} is not scored: {why}" for arm, why in metrics.get("not_scored", {}).items()]
     lines.append(f"mean over {len(told['views'])} frozen views")
     of_generator = generator_score.told(metrics.get("generator", {}))
     of_views = view_influence.told(metrics.get("generated_views", {}))

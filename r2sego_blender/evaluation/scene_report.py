@@ -132,7 +132,8 @@ def write_scene_report(
 def _arm(key: str, score: ArmScore, figures: Mapping[str, ArmFigures]) -> Arm:
     whole = figures[key].whole if key in figures else {}
     regions = (region_psnr(whole, kind) for kind in ("psnr_seen", "psnr_unseen"))
-    return Arm(key, ARMS[key].label, score.psnr, score.ssim, score.lpips_alex, ARMS[key].note, *regions)
+    note = "; ".join(filter(None, [ARMS[key].note, score.backend]))
+    return Arm(key, ARMS[key].label, score.psnr, score.ssim, score.lpips_alex, note, *regions)
 
 
 def _backend(slot: str, name: str) -> Backend:

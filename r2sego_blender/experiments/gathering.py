@@ -9,6 +9,7 @@ from typing import Any
 
 from ..core.atomic_files import write_whole
 from ..core.formatting import counted
+from ..evaluation.arms import ARMS
 from ..evaluation.surfaces.figures import SEEN_BY
 from .capture_curve import catching_up, curve_figure, curves_of
 from .cells import Cell
@@ -36,6 +37,7 @@ def gather(plan: Plan, cells: Sequence[Cell], records: Mapping[Path, Record], fo
         *filter(None, map(catching_up, curves.values())),
         *_unseen(done),
         *_frozen(plan, cells),
+        *_of_others(done),
         *_made_by(done),
     ]
     if missing := len(cells) - len(done):
@@ -98,6 +100,17 @@ def _frozen(plan: Plan, cells: Sequence[Cell]) -> Iterator[str]:
     for scene in plan.scenes:
         of_scene = inputs[scene.name]
         yield f"{scene.name}: {counted(len(of_scene.frozen), 'frozen view')}, SHA-256 {of_scene.frozen_sha256}."
+
+
+def _of_others(done: Sequence[tuple[Cell, Record]]) -> Iterator[str]:
+    """What ran in an environment of its own, and what was asked for and could not be run."""
+    backends = {
+        (arm, scored["backend"]) for _, record in done for arm, scored in record.arms.items() if "backend" in scored
+    }
+    for arm, backend in sorted(backends):
+        yield f"{ARMS[arm].label}: {backend}."
+    for arm, why in sorted({pair for _, record in done for pair in record.not_scored.items()}):
+        yield f"{ARMS[arm].label} is in no figure of some cells: {why}"
 
 
 def _made_by(done: Sequence[tuple[Cell, Record]]) -> Iterator[str]:

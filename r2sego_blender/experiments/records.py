@@ -9,7 +9,7 @@ import os
 import platform
 import subprocess
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -47,6 +47,7 @@ class Record:
     ``key`` is the cell's. ``arms`` are the bundle's scores (``report/metrics.json``), ``assets`` the digests of what
     was scored; ``stages`` are the commands of the last run, and ``steps`` the seconds of every step of its bundle,
     whenever it was made. ``made_by`` says version, commit and machine, ``finished`` when, in seconds since 1970.
+    ``not_scored`` are the arms that could not be run here, and why.
     """
 
     key: str
@@ -56,6 +57,7 @@ class Record:
     steps: Mapping[str, float]
     made_by: Mapping[str, str]
     finished: float
+    not_scored: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def seconds(self) -> float:
@@ -89,6 +91,7 @@ def read_record(folder: Path) -> Record | None:
             {str(name): _number(seconds) for name, seconds in data["steps"].items()},
             {str(name): str(value) for name, value in data["made_by"].items()},
             _number(data["finished"]),
+            {str(arm): str(why) for arm, why in data.get("not_scored", {}).items()},
         )
     except (FileNotFoundError, NotADirectoryError):
         return None
@@ -123,7 +126,7 @@ def _scores(arm: Any) -> dict[str, Any]:
     Of what surfaces tell, only what was measured is there.
     """
     views = [{"name": str(view["name"]), **_kinds(view)} for view in arm["views"]]
-    told = {SEEN_BY: str(arm[SEEN_BY])} if SEEN_BY in arm else {}
+    told = {key: str(arm[key]) for key in (SEEN_BY, "backend") if key in arm}
     return {**_kinds(arm), **told, "views": views}
 
 

@@ -107,14 +107,15 @@ def _done(cell: Cell, program: Sequence[str]) -> Record:
         )
     scene = Scene.open(cell.bundle)
     metrics = scene.read(METRICS)
-    if missing := [arm for arm in cell.arms if arm not in metrics.get("arms", ())]:
+    not_scored = {arm: why for arm, why in metrics.get("not_scored", {}).items() if arm in cell.arms}
+    if missing := [arm for arm in cell.arms if arm not in {*metrics.get("arms", ()), *not_scored}]:
         raise ExperimentError(
             f"its scores lack {', '.join(missing)}", where=cell.bundle, cure="Remove the cell's folder."
         )
-    arms = {arm: metrics["arms"][arm] for arm in cell.arms}
+    arms = {arm: metrics["arms"][arm] for arm in cell.arms if arm not in not_scored}
     steps = {record["step"]: record.get("seconds", 0.0) for record in scene.journal()}
     finished = round(time.time(), 3)
-    return Record(cell.key, arms, metrics.get("assets", {}), tuple(stages), steps, made_by(), finished)
+    return Record(cell.key, arms, metrics.get("assets", {}), tuple(stages), steps, made_by(), finished, not_scored)
 
 
 def _import_options(cell: Cell) -> list[str]:

@@ -227,6 +227,41 @@ _BACKENDS = (
         source="its README",
         needs=("R2SEGO_VIEWCRAFTER_REPOSITORY",),
     ),
+    LearnedBackend(
+        "difix3d",
+        "Difix3D+",
+        "method to compare with",
+        "R2SEGO_DIFIX3D_PYTHON",
+        ("pipeline_difix",),
+        "NVIDIA License, not commercial",
+        "NVIDIA License, not commercial, and Stability AI's for SD-Turbo",
+        needs_gpu=True,
+        worker="difix3d",
+        recipe=Recipe(
+            (
+                "numpy==1.26.4",
+                "diffusers==0.25.1",
+                "einops==0.8.0",
+                "huggingface-hub==0.25.1",
+                "peft==0.9.0",
+                "pillow==10.4.0",
+                "transformers==4.38.0",
+            ),
+            clone=("https://github.com/nv-tlabs/Difix3D", "c76edc595586e16732c91ddee82f3a6d83a8a9cc"),
+            paths=("src",),
+        ),
+    ),
+    LearnedBackend(
+        "genfusion",
+        "GenFusion",
+        "method to compare with",
+        "R2SEGO_GENFUSION_PYTHON",
+        ("diff_surfel_rasterization",),
+        "MIT, and the Gaussian-Splatting License, not commercial",
+        "as its repository says",
+        needs_gpu=True,
+        needs=("R2SEGO_GENFUSION_REPOSITORY",),
+    ),
 )
 
 LEARNED_BACKENDS: Mapping[str, LearnedBackend] = {one.name: one for one in _BACKENDS}

@@ -2,7 +2,9 @@
 
 from r2sego_blender.evaluation.arms import (
     ARMS,
+    EVERYWHERE,
     GAUSSGYM,
+    GENFUSION,
     REFINED,
     SAME_POINTS,
     VANILLA,
@@ -18,6 +20,8 @@ def test_the_strongest_baseline_is_the_best_method_of_others():
     assert strongest_baseline(scores | {VANILLA: 21.5}) == VANILLA
     assert strongest_baseline(scores | {VANILLA: None}) == VANILLA  # equal images
     assert strongest_baseline({REFINED: 25.0}) == ""
+    assert strongest_baseline(scores | {GENFUSION: 22.0}) == GENFUSION
+    assert strongest_baseline(scores | {GENFUSION: 22.0}, EVERYWHERE[:3]) == GAUSSGYM
 
 
 def test_panels_have_a_word_for_every_arm():

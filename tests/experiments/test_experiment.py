@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import signal
@@ -60,6 +61,19 @@ def test_one_and_two_processes_come_to_the_same_and_nothing_is_done_twice(plan, 
         assert [view["name"] for view in entry["views"]] == ["20.png", "21.png"]
     refined = [entry["psnr"] for entry in entries if (entry["arm"], entry["captures"]) == ("refined", 5)]
     assert f"| room | 5 | refined | {sum(refined) / 2:.2f} ± " in table
+
+
+def test_methods_that_could_not_be_run_are_named_and_cost_no_cell(plan, control, tmp_path, monkeypatch):
+    monkeypatch.setenv("FAKE_NOT_SCORED", "genfusion")
+    chosen = dataclasses.replace(plan, arms=("vanilla_3dgs", "difix3d_plus", "genfusion", "refined"), counts=(3,))
+    done, failures = run_experiment(chosen, tmp_path / "made", 1, program=PROGRAM)
+    assert not failures and len(done.records) == 2
+    entries = json.loads((tmp_path / "made" / METRICS).read_text())["cells"]
+    assert {one["arm"] for one in entries} == {"vanilla_3dgs", "difix3d_plus", "refined"}
+    table = (tmp_path / "made" / MARKDOWN).read_text()
+    for told in ("GenFusion is in no figure", "not set up", "Difix3D+: difix3d_plus 1.0"):
+        assert table.count(told) == 1 and told in (tmp_path / "made" / "page.html").read_text()
+    assert not run_experiment(chosen, tmp_path / "made", 1, program=PROGRAM)[0].left
 
 
 def test_a_cell_that_aborts_natively_is_tried_again_and_no_more_often_than_that(two_cells, control, tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -28,6 +29,16 @@ def test_what_was_measured_comes_back_and_nothing_else(tmp_path):
     assert read_record(tmp_path) == record
     arm = read_record(tmp_path).arms["refined"]
     assert set(MEASURED_KINDS) & set(arm) == {"psnr_seen", "unseen", "depth_error"}
+
+
+def test_arms_that_could_not_be_run_and_backends_come_back(tmp_path):
+    record = replace(written(tmp_path, backend="a model 1.0"), not_scored={"genfusion": "not set up"})
+    record.write(tmp_path)
+    assert read_record(tmp_path) == record and record.arms["refined"]["backend"] == "a model 1.0"
+    data = json.loads((tmp_path / RECORD).read_text())
+    del data["not_scored"]  # as records of earlier versions
+    (tmp_path / RECORD).write_text(json.dumps(data))
+    assert read_record(tmp_path) == replace(record, not_scored={})
 
 
 def test_a_psnr_of_null_is_that_of_equal_images_and_other_figures_of_null_are_none():

@@ -2,7 +2,7 @@
 
 ``FAKE_CONTROL`` names a folder: each finished command leaves a line in ``commands.log`` there; a file ``abort`` with
 a number has that many refinements abort natively, ``hold`` lets those that wait for it go on, and with ``tamper``
-an evaluation adds a frozen view.
+an evaluation adds a frozen view. Arms that ``FAKE_NOT_SCORED`` names cannot be run here.
 """
 
 import json
@@ -71,11 +71,21 @@ def evaluate(bundle):
     for index, arm in enumerate(option("--arms").split(",")):
         psnr = 20.0 + index + 0.1 * len(captures) + 0.01 * ((7 * seed + 3 * index) % 11)
         views = [{"name": file.name, "psnr": psnr + number, "ssim": 0.5} for number, file in enumerate(frozen)]
-        arms[arm] = {"psnr": psnr, "ssim": 0.5 + 0.01 * index, "lpips_alex": None, "lpips_reason": "", "views": views}
+        backend = {"backend": f"{arm} 1.0"} if arm in ("genfusion", "difix3d_plus") else {}
+        arms[arm] = {
+            **backend,
+            "psnr": psnr,
+            "ssim": 0.5 + 0.01 * index,
+            "lpips_alex": None,
+            "lpips_reason": "",
+            "views": views,
+        }
     if (CONTROL / "tamper").is_file():
         (Path(option("--frozen")) / "99.png").write_bytes(frozen[0].read_bytes() + b"more")
     (bundle / "report").mkdir(exist_ok=True)
-    (bundle / "report/metrics.json").write_text(json.dumps({"arms": arms, "assets": {"asset.ply": str(captures)}}))
+    not_scored = {arm: "not set up" for arm in os.environ.get("FAKE_NOT_SCORED", "").split(",") if arms.pop(arm, None)}
+    told = {"arms": arms, "assets": {"asset.ply": str(captures)}, "not_scored": not_scored}
+    (bundle / "report/metrics.json").write_text(json.dumps(told))
 
 
 if __name__ == "__main__":

@@ -38,7 +38,10 @@ class ArmFigures:
 def arm_figures(
     surfaces: SceneSurfaces, views: Sequence[Capture], images: Sequence[np.ndarray], depths: Sequence[np.ndarray]
 ) -> ArmFigures:
-    """Of an arm's ``images`` (H, W, 3) and the expected ``depths`` (H, W), planar metres, at the ``views``."""
+    """Of an arm's ``images`` (H, W, 3) and the expected ``depths`` (H, W), planar metres, at the ``views``.
+
+    ``depths`` are empty where the arm shows pictures alone.
+    """
     each = [
         region_score(image, view.image(), surface.seen)
         for image, view, surface in zip(images, views, surfaces.views, strict=True)
@@ -90,7 +93,7 @@ def _depth_errors(
     true = [view.true_depth for view in surfaces.views if view.true_depth is not None]
 
     def of(part: slice) -> dict[str, float | None]:
-        error = DepthError.of(depths[part], true[part]) if true else None
+        error = DepthError.of(depths[part], true[part]) if true and depths else None
         return {} if error is None else {f"{name}_error": rounded(error.median), f"{name}_right": rounded(error.right)}
 
     return of

@@ -15,6 +15,8 @@ from .bundle import Bundle
 ARM_LABELS = {
     "refined": "Refined",
     "without_generated_views": "No generated views",
+    "genfusion": "GenFusion",
+    "difix3d_plus": "Difix3D+",
     "same_points": "Same points",
     "gaussgym": "GaussGym",
     "vanilla_3dgs": "Vanilla 3DGS",

@@ -9,7 +9,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -115,7 +115,19 @@ class Loaded:
             self._weights(name)
 
 
-def run(tasks: Mapping[str, Task], loaded: Loaded, arguments: Sequence[str]) -> None:
+class Weights(Protocol):
+    """What fetches a model's weights, and looks for them, by the name of its backend."""
+
+    def fetch(self, name: str) -> None:
+        """Have the model fetch its weights."""
+        ...
+
+    def check(self, name: str) -> None:
+        """Raises UnusableError where the weights are not there."""
+        ...
+
+
+def run(tasks: Mapping[str, Task], loaded: Weights, arguments: Sequence[str]) -> None:
     """Serve ``tasks`` without a network.
 
     With ``--fetch NAME`` the model fetches its weights, with ``--check NAME`` they are looked for, and nothing is
