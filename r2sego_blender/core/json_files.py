@@ -24,6 +24,7 @@ _MOST_TABLES = 1 << 20
 
 _MOST_NESTING = 32
 _LARGEST_INTEGER = 1 << 63
+_DECIMALS = 4
 
 
 def write_json(file: Path, record: Any) -> None:
@@ -58,6 +59,11 @@ def finite_number(value: Any) -> float:
     if not math.isfinite(number):
         raise ValueError(f"{value} is no number")
     return number
+
+
+def rounded(value: float | None) -> float | None:
+    """A score as it is written: of four decimals; None for none and for what is not finite, which JSON has not."""
+    return None if value is None or not math.isfinite(value) else round(float(value), _DECIMALS)
 
 
 @contextlib.contextmanager

@@ -5,7 +5,6 @@ Every pixel of every view counts: no mask, no crop, no correction by what the vi
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -22,9 +21,6 @@ from .lpips import find_lpips
 
 if TYPE_CHECKING:
     from .lpips_network import Lpips
-
-DECIMALS = 4
-"""Of every score that is written."""
 
 
 @dataclass(frozen=True)
@@ -97,8 +93,3 @@ def score(
         views=tuple(scores),
         lpips_reason=reason,
     )
-
-
-def rounded(value: float | None) -> float | None:
-    """A score as it is written to JSON; None for none and for what is not finite."""
-    return None if value is None or not math.isfinite(value) else round(float(value), DECIMALS)

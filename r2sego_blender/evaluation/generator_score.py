@@ -12,6 +12,7 @@ from ..captures.capture import Capture
 from ..captures.store import CAPTURES
 from ..core.cameras import Camera
 from ..core.errors import R2SEgoError
+from ..core.json_files import rounded
 from ..core.progress import SILENT, Progress
 from ..generation.conditions.conditions import ZBufferRenderer
 from ..generation.generators.blending import BlendingGenerator
@@ -19,7 +20,7 @@ from ..geometry.proxy.proxy import PROXY
 from ..geometry.stereo.stereo import DEPTH
 from ..refine.depths import proxy_depths, reliable_depths
 from .exposed_rendering import exposed
-from .frozen import rounded, score
+from .frozen import score
 
 _EMBEDDED = "blending"
 

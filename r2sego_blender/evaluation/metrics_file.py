@@ -37,7 +37,8 @@ from types import MappingProxyType
 from typing import Any
 
 from ..core.atomic_files import write_whole
-from .frozen import ArmScore, rounded
+from ..core.json_files import rounded
+from .frozen import ArmScore
 from .surfaces.surface_scores import ArmFigures
 
 

@@ -11,11 +11,12 @@ from ..bundle.scene import Scene
 from ..captures.capture import Capture
 from ..captures.store import CAPTURES
 from ..core.errors import R2SEgoError
+from ..core.json_files import rounded
 from ..core.progress import SILENT, Progress
 from ..splats.artifacts import ASSET, BACKDROP
 from ..splats.asset import SplatAsset
 from .exposed_rendering import as_exposed
-from .frozen import rounded, score
+from .frozen import score
 
 LABEL_WIDTH = 20
 """Of the column of names, of arms and of rounds alike."""

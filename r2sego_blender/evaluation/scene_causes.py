@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 
 from ..captures.capture import Capture
+from ..core.json_files import rounded
 from .error_causes import EDGE_PX, CauseShares, near_edges, split
-from .frozen import rounded
 from .surfaces.figures import PROXY_ALONE
 from .surfaces.scene_surfaces import SceneSurfaces, ViewSurface
 

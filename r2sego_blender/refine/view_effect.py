@@ -6,8 +6,7 @@ held-out views (``evaluation/view_influence.py``): an asset can come near to a w
 
 from __future__ import annotations
 
-import math
-
+from ..core.json_files import rounded
 from ..generation.ego_views import PseudoObservation
 from ..generation.view_effects import ViewEffect
 from ..splats.asset import SplatAsset
@@ -21,8 +20,4 @@ def view_effect(view: PseudoObservation, before: SplatAsset, after: SplatAsset, 
     behind = render(backdrop, view.camera).colour
     then, now = render(before, view.camera, behind), render(after, view.camera, behind)
     new = round(float((then.alpha < MISSING_ALPHA).mean()), 4)
-    return ViewEffect(view.rank, new, *(_finite(psnr(shown.colour, view.image)) for shown in (then, now)))
-
-
-def _finite(value: float) -> float | None:
-    return round(value, 4) if math.isfinite(value) else None
+    return ViewEffect(view.rank, new, *(rounded(psnr(shown.colour, view.image)) for shown in (then, now)))

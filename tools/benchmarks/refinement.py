@@ -22,10 +22,10 @@ from r2sego_blender.captures.poses.cameras_json import read_cameras_json
 from r2sego_blender.captures.store import CAPTURES
 from r2sego_blender.config.presets import with_overrides
 from r2sego_blender.core.errors import SceneError
+from r2sego_blender.core.json_files import rounded
 from r2sego_blender.core.progress import SILENT, Progress
 from r2sego_blender.evaluation import round_scores
 from r2sego_blender.evaluation.arms import ARMS, EVERYWHERE, REFINED, strongest_baseline
-from r2sego_blender.evaluation.frozen import rounded
 from r2sego_blender.evaluation.ground_truth import load_ground_truth
 from r2sego_blender.evaluation.scene_evaluation import evaluate_scene, frozen_views
 from r2sego_blender.generation.view_records import read_views

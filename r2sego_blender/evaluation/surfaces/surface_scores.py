@@ -11,9 +11,9 @@ import numpy as np
 from ...bundle.scene import Scene
 from ...captures.capture import Capture
 from ...core.errors import R2SEgoError
+from ...core.json_files import rounded
 from ...core.progress import SILENT, Progress
 from ...geometry.collision.collision_files import MESH_OBJ, REFINED_COLLISION, read_obj
-from ..frozen import rounded
 from .figures import SEEN_BY
 from .geometry_errors import FOUND_SAMPLES, DepthError, Surface, surface_score
 from .regions import RegionScore, mean_score, region_score

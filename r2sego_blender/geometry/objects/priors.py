@@ -22,6 +22,7 @@ from ...captures.capture import Capture
 from ...config.settings import PriorSettings
 from ...core.cameras import Camera
 from ...core.errors import GeometryError
+from ...core.json_files import rounded
 from ...core.progress import SILENT, Progress
 from ..room.planes import RoomPlanes
 from ..stereo.observed_geometry import ObservedGeometry
@@ -237,14 +238,9 @@ def _figures(alignment: Alignment) -> dict[str, Any]:
         "world_from_own": alignment.world_from_own.tolist(),
         "energy": round(alignment.energy, 4),
         "silhouette_iou": round(alignment.silhouette_iou, 4),
-        "ious": [_rounded(iou) for iou in alignment.ious],
+        "ious": [rounded(iou) for iou in alignment.ious],
         "point_residual": round(alignment.point_residual, 4),
-        "point_distance_m": _rounded(alignment.point_distance_m),
+        "point_distance_m": rounded(alignment.point_distance_m),
         "free_space": round(alignment.free_space, 4),
         "outside": round(alignment.outside, 4),
     }
-
-
-def _rounded(value: float) -> float | None:
-    """For JSON, which has no NaN."""
-    return None if np.isnan(value) else round(float(value), 4)

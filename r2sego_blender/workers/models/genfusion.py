@@ -81,7 +81,7 @@ def write_data_set(request: Request, folder: Path) -> None:
             picture = photograph.resize(picture.size, Image.Resampling.LANCZOS)
         picture.save(folder / "images" / name, compress_level=1)
     split = {"train_ids": list(range(count)), "test_ids": list(range(count, len(names)))}
-    (folder / f"train_test_split_{count}.json").write_text(json.dumps(split))
+    (folder / f"train_test_split_{count}.json").write_bytes(json.dumps(split).encode())
     lenses = np.concatenate([request.array("capture_lenses"), request.array("view_lenses")])
     poses = np.concatenate([request.array("capture_poses"), request.array("view_poses")])
     visibility = request.array("visibility").copy()
