@@ -214,7 +214,9 @@ class SelectionSettings:
         choices=("rollouts", "flight"),
     )
     ranking: str = setting(
-        "score", "How targets are ranked: by their score, or at random (ablation).", choices=("score", "random")
+        "marginal",
+        "How targets are ranked: by what each adds to those before it, by their score alone, or at random (ablations).",
+        choices=("marginal", "score", "random"),
     )
     geometry: str = setting(
         "proxy", "Geometry availability: the proxy's, or 1 everywhere (ablation).", choices=("proxy", "ignored")

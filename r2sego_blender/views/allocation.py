@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from ..geometry.proxy.proxy import GeometryProxy
 from ..geometry.visibility.rasterizer import MeshRasterizer
 from ..robot.rollouts.candidates import Candidates
 from ..splats.asset import SplatAsset
+from .marginal_gain import MissingSurface, by_marginal_gain
 from .missing_evidence import photographs_to_take
 from .photographs import advice
 from .references import with_references
@@ -52,6 +54,14 @@ def allocate_views(
     deficit, availability = support_scores(cameras, asset, proxy, settings, progress, captures)
     rasterizer = MeshRasterizer(proxy.vertices, proxy.faces)
 
+    def depth_of(camera: Camera) -> np.ndarray:
+        return rasterizer.render(camera).depth
+
+    reorder = None
+    if settings.ranking == "marginal":
+        surface = MissingSurface(cameras, asset, depth_of, settings.alpha_threshold)
+        reorder = partial(by_marginal_gain, surface=surface, count=settings.target_views + spares)
+
     def chosen(refused: dict[int, str]) -> Selection:
         selection = select_targets(
             deficit,
@@ -61,11 +71,9 @@ def allocate_views(
             settings,
             rng=np.random.default_rng(seed),
             refused=refused,
+            reorder=reorder,
         )
-        count = settings.target_views + spares
-        return with_references(
-            selection, cameras, captures, lambda camera: rasterizer.render(camera).depth, settings, count
-        )
+        return with_references(selection, cameras, captures, depth_of, settings, settings.target_views + spares)
 
     selection = best = chosen({})
     if refusal is not None:

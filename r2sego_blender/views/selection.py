@@ -7,7 +7,7 @@ candidates into one keyframe, and the Top-K keyframes become the round's target 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -24,6 +24,9 @@ from ..core.json_files import opened_json, write_json
 from ..core.printable import printable
 from ..core.progress import SILENT, Progress
 from .photographs import PhotographToTake
+
+Reorder = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, Mapping[int, float]]]
+"""Candidates (R,), best first by scores (M,), in another order; of some the share of what they miss that is left."""
 
 _ARRAYS = (
     "rollout",
@@ -253,12 +256,14 @@ def select_targets(
     progress: Progress = SILENT,
     rng: np.random.Generator | None = None,
     refused: Mapping[int, str] = MappingProxyType({}),
+    reorder: Reorder | None = None,
 ) -> Selection:
     """Eq. 2: score, temporal non-maximum suppression and Top-K; all inputs are (M,).
 
     A survivor is eligible when its score is above zero; equal scores rank by rollout and
     frame. The ``refused`` candidates, each with its reason, are left out before suppression.
     When fewer than K are eligible, all of them are chosen and ``note`` says so.
+    ``reorder`` ranks the eligible anew, by what each adds to those before it.
     The candidates may come in any order. With ``settings.ranking`` "random" a number that
     ``rng`` draws for each candidate stands in for the score, and all survivors are eligible.
     Raises ValueError for candidates named twice or scores that are not finite.
@@ -284,6 +289,9 @@ def select_targets(
     eligible = survived & (at_random | (score > 0.0))
     order = stream[np.argsort(-priority[stream], kind="stable")]
     order = order[eligible[order]]
+    adds: Mapping[int, float] = {}
+    if reorder is not None:
+        order, adds = reorder(order, score)
     rank = np.full(len(score), -1, np.int64)
     rank[order] = np.arange(len(order))
     chosen = (rank >= 0) & (rank < settings.target_views)
@@ -298,7 +306,7 @@ def select_targets(
     reason = tuple(
         f"refused: {refused[index]}"
         if index in refused
-        else _reason(index, deficit, availability, priority, suppressor, frame, rank, settings)
+        else _reason(index, deficit, availability, priority, suppressor, frame, rank, settings, adds.get(index, 1.0))
         for index in range(len(score))
     )
     return Selection(
@@ -346,6 +354,7 @@ def _reason(
     frame: np.ndarray,
     rank: np.ndarray,
     settings: SelectionSettings,
+    adds: float,
 ) -> str:
     better, budget, at_random = suppressor[index], settings.target_views, settings.ranking == "random"
     if better != index and at_random:
@@ -354,6 +363,7 @@ def _reason(
         relation = "scores higher" if priority[better] > priority[index] else "scores the same, earlier"
         return f"suppressed: frame {frame[better]} of this rollout {relation}"
     shares = f"{deficit[index]:.0%} of the pixels missing, {availability[index]:.0%} available"
+    shares += f", targets before it show {1.0 - adds:.0%} of what is missing" if adds < 1.0 else ""
     place = rank[index] + 1
     if at_random:
         if place <= budget:
