@@ -56,12 +56,16 @@ def lines(described: dict[str, Any]) -> list[str]:
     survived = f"{d['survived']} survive suppression within {d['window']} frames"
     missing = f"the asset misses {d['mean_deficit']:.1%} of a view (u)"
     available = f"the proxy can render {d['mean_availability']:.1%} (g)"
-    text = [f"{d['scene']}, round {d['round']}: {chosen}, {survived}", f"on average {missing}, {available}; s = u g"]
+    text = [
+        f"{d['scene']}, round {d['round']}: {chosen}, {survived}",
+        f"on average {missing}, {available}; s = u g; new: of what it misses, what no target before it shows",
+    ]
     text += [f"ablation: {ablation}" for ablation in d["ablations"]]
     text += [d["note"]] if d["note"] else []
-    text += ["", f"{'rank':>4}{'rollout':>9}{'frame':>7}{'u':>9}{'g':>9}{'s':>9}  reference, and its overlap"]
+    text += ["", f"{'rank':>4}{'rollout':>9}{'frame':>7}{'u':>9}{'g':>9}{'s':>9}{'new':>7}  reference, and its overlap"]
     for number, target in enumerate(d["targets"], 1):
-        text.append(f"{number:>4}{target['rollout']:>9}{target['frame']:>7}{_scores(target)}  {_seen(target)}")
+        scored = f"{_scores(target)}{target['marginal']:>7.0%}"
+        text.append(f"{number:>4}{target['rollout']:>9}{target['frame']:>7}{scored}  {_seen(target)}")
     for rollout, members in groupby(d.get("candidates", ()), key=lambda c: c["rollout"]):
         text += ["", *_explained(rollout, list(members))]
     return text

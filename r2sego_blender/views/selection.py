@@ -34,6 +34,7 @@ _ARRAYS = (
     "deficit",
     "availability",
     "score",
+    "marginal",
     "survived",
     "rank",
     "chosen",
@@ -55,7 +56,8 @@ class Selection:
     """What became of every candidate of a round, and why.
 
     All arrays are (M,), one entry a candidate: ``rollout`` and ``frame`` int64 name it;
-    ``deficit`` (u), ``availability`` (g) and ``score`` (s) are float64 in [0, 1];
+    ``deficit`` (u), ``availability`` (g) and ``score`` (s) are float64 in [0, 1], and so is ``marginal``,
+    the share of what it misses that no one ranked before it shows, 1 where that was not asked;
     ``survived`` bool says whether it is a temporal local maximum; ``rank`` int64 counts the
     eligible survivors from the best, 0, and is -1 elsewhere; ``chosen`` bool marks the
     target views. ``reference`` int64 is the capture i(v), and ``overlaps`` (M, N) float64
@@ -71,6 +73,7 @@ class Selection:
     deficit: np.ndarray
     availability: np.ndarray
     score: np.ndarray
+    marginal: np.ndarray
     survived: np.ndarray
     rank: np.ndarray
     chosen: np.ndarray
@@ -122,7 +125,8 @@ class Selection:
             if not 0 <= budget <= _MOST_VIEWS:
                 raise ValueError(f"a budget of {budget}")
         with opened_arrays(folder / "selection.npz", GenerationError, what) as data:
-            arrays = {name: data[name] for name in _ARRAYS}
+            arrays = {name: data[name] for name in _ARRAYS if name in data or name != "marginal"}
+            arrays.setdefault("marginal", np.ones(len(arrays["score"])))  # of bundles made before there was any
             require_shapes(arrays, **dict.fromkeys(_ARRAYS, "M") | {"overlaps": "M N"})
             _require_kinds(arrays)
             _require_ranks(arrays)
@@ -145,6 +149,7 @@ class Selection:
             "deficit": float(self.deficit[index]),
             "availability": float(self.availability[index]),
             "score": float(self.score[index]),
+            "marginal": float(self.marginal[index]),
             "rank": int(self.rank[index]),
             "chosen": bool(self.chosen[index]),
             "reference": int(self.reference[index]),
@@ -165,7 +170,9 @@ def _require_kinds(arrays: dict[str, np.ndarray]) -> None:
         if arrays[name].dtype.kind != kind:
             raise ValueError(f"{name} is {arrays[name].dtype}")
     require_between(0, None, rollout=arrays["rollout"], frame=arrays["frame"])
-    require_between(0.0, _MOST, **{name: arrays[name] for name in ("deficit", "availability", "score", "overlaps")})
+    require_between(
+        0.0, _MOST, **{name: arrays[name] for name in ("deficit", "availability", "score", "marginal", "overlaps")}
+    )
 
 
 def _require_ranks(arrays: dict[str, np.ndarray]) -> None:
@@ -289,9 +296,10 @@ def select_targets(
     eligible = survived & (at_random | (score > 0.0))
     order = stream[np.argsort(-priority[stream], kind="stable")]
     order = order[eligible[order]]
-    adds: Mapping[int, float] = {}
+    marginal = np.ones(len(score))
     if reorder is not None:
-        order, adds = reorder(order, score)
+        order, left_of = reorder(order, score)
+        marginal[[*left_of]] = [*left_of.values()]
     rank = np.full(len(score), -1, np.int64)
     rank[order] = np.arange(len(order))
     chosen = (rank >= 0) & (rank < settings.target_views)
@@ -306,7 +314,7 @@ def select_targets(
     reason = tuple(
         f"refused: {refused[index]}"
         if index in refused
-        else _reason(index, deficit, availability, priority, suppressor, frame, rank, settings, adds.get(index, 1.0))
+        else _reason(index, deficit, availability, priority, suppressor, frame, rank, settings, marginal)
         for index in range(len(score))
     )
     return Selection(
@@ -315,6 +323,7 @@ def select_targets(
         deficit,
         availability,
         score,
+        marginal,
         survived,
         rank,
         chosen,
@@ -354,7 +363,7 @@ def _reason(
     frame: np.ndarray,
     rank: np.ndarray,
     settings: SelectionSettings,
-    adds: float,
+    marginal: np.ndarray,
 ) -> str:
     better, budget, at_random = suppressor[index], settings.target_views, settings.ranking == "random"
     if better != index and at_random:
@@ -363,7 +372,8 @@ def _reason(
         relation = "scores higher" if priority[better] > priority[index] else "scores the same, earlier"
         return f"suppressed: frame {frame[better]} of this rollout {relation}"
     shares = f"{deficit[index]:.0%} of the pixels missing, {availability[index]:.0%} available"
-    shares += f", targets before it show {1.0 - adds:.0%} of what is missing" if adds < 1.0 else ""
+    shown = 1.0 - marginal[index]
+    shares += f", targets before it show {shown:.0%} of what is missing" if shown else ""
     place = rank[index] + 1
     if at_random:
         if place <= budget:

@@ -74,6 +74,7 @@ def selection() -> Selection:
         deficit=deficit,
         availability=available,
         score=deficit * available,
+        marginal=np.linspace(0.0, 1.0, CANDIDATES),
         survived=(rng.random(CANDIDATES) < 0.5) | chosen,
         rank=rank,
         chosen=chosen,

@@ -112,4 +112,7 @@ def test_targets_look_at_different_gaps_where_their_scores_alone_would_have_them
     assert together.targets[0] == alone.targets[0]
     assert alone.ablations == ("selection.ranking = score",) and together.ablations == ()
     np.testing.assert_array_equal(together.score, alone.score)
+    assert (alone.marginal == 1.0).all() and together.marginal[together.targets[0]] == 1.0
+    gains = (together.score * together.marginal)[together.targets]
+    assert (np.diff(gains) <= 0.0).all() and gains[-1] > 0.0  # what is left to gain only falls
     assert (together.reference[together.targets] >= 0).all()

@@ -184,6 +184,14 @@ def test_a_selection_survives_the_disk(tmp_path):
     assert [entry["candidate"] for entry in words["targets"]] == selection.targets.tolist()
 
 
+def test_a_selection_of_before_targets_were_chosen_together_is_read(tmp_path):
+    select_targets([0.5, 0.1], [1.0, 1.0], [0, 1], [0, 0], FEW).save(tmp_path)
+    with np.load(tmp_path / "selection.npz") as data:
+        arrays = {name: data[name] for name in data if name != "marginal"}
+    np.savez(tmp_path / "selection.npz", **arrays)
+    np.testing.assert_array_equal(Selection.load(tmp_path).marginal, np.ones(2))
+
+
 def test_candidates_survive_the_disk(tmp_path):
     lens = Camera(96, 72, 81.5, 82.5, 47.0, 36.5, np.eye(4))
     candidates = [lens.at(look_at([k, 0.0, 1.0], [k, 2.0, 0.3 * k])) for k in range(3)]

@@ -91,6 +91,7 @@ def _selection(rng: np.random.Generator) -> Selection:
         deficit=deficit,
         availability=available,
         score=deficit * available,
+        marginal=np.linspace(0.0, 1.0, CANDIDATES),
         survived=(rng.random(CANDIDATES) < 0.3) | chosen,
         rank=rank,
         chosen=chosen,
