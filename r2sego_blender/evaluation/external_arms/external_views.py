@@ -17,6 +17,7 @@ from ...captures.store import CAPTURES
 from ...core.arrays import opened_arrays, require_shapes, save_arrays
 from ...core.cameras import Camera
 from ...core.errors import EvaluationError
+from ...core.printable import printable
 from ...core.progress import SILENT, Progress
 from ...geometry.stereo.observed_geometry import OBSERVED, ObservedGeometry
 from ...splats.artifacts import REFINED_ASSET
@@ -31,7 +32,7 @@ from .slot import ExternalArm, Given
 METHODS: Mapping[str, ExternalArm | ModuleType] = {DIFIX3D_PLUS: difix3d_plus, GENFUSION: genfusion}
 """The methods by their arm."""
 
-_DIGITS = 12  # of a digest that is shown
+_DIGITS, _LONGEST_NAME = 12, 200  # of a digest that is shown, of a backend's name
 _LIMITS = Limits(seconds=86_400.0, silent_s=3600.0)
 
 
@@ -69,12 +70,18 @@ class ExternalViews:
         """Read what ``save`` wrote. Raises EvaluationError when the file is none of it."""
         what, cure = "these are no pictures of frozen views", "Run `r2sego evaluate` again."
         with opened_arrays(file, EvaluationError, what, cure) as data:
+            names, *told = (data[name] for name in ("names", "backend", "weights"))
+            if any(text.dtype.kind != "U" for text in (names, *told)) or names.ndim != 1:
+                raise ValueError("its names are no words")
             pictures = {}
-            for number, name in enumerate(data["names"].tolist()):
+            for number, name in enumerate(names.tolist()):
                 picture = data[f"view_{number:03d}"]
                 require_shapes({"view": picture}, view="H W 3")
-                pictures[str(name)] = picture.astype(np.float32) / 255.0
-            return ExternalViews(str(data["backend"]), str(data["weights"]), MappingProxyType(pictures))
+                if picture.dtype != np.uint8:
+                    raise ValueError("a picture has not eight bits a colour")
+                pictures[name] = picture.astype(np.float32) / 255.0
+            backend, weights = (printable(str(text), _LONGEST_NAME) for text in told)
+            return ExternalViews(backend, weights, MappingProxyType(pictures))
 
 
 def external_views(scene: Scene, arm: str, views: Sequence[Capture], progress: Progress = SILENT) -> ExternalViews:

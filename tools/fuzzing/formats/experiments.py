@@ -6,6 +6,8 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from r2sego_blender.core.progress import SILENT
 
 from ..harness import Harness
@@ -143,7 +145,23 @@ def _read_pictures(folder: Path) -> Any:
     return read_frozen_pictures(folder / "frozen.json")
 
 
+def _external_views(folder: Path) -> None:
+    from r2sego_blender.evaluation.external_arms.external_views import ExternalViews
+
+    rng = np.random.default_rng(4)
+    pictures = {name: rng.integers(0, 256, (6, 8, 3)) / np.float32(255.0) for name in ("a.png", "b.png")}
+    ExternalViews("a model 1.0", "5" * 64, pictures).save(folder / "views.npz")
+
+
+def _read_external_views(folder: Path) -> Any:
+    from r2sego_blender.evaluation.external_arms.external_views import ExternalViews
+
+    views = ExternalViews.load(folder / "views.npz")
+    return views.told, dict(views.pictures)
+
+
 HARNESSES = (
+    Harness("report/external_views.npz", _external_views, "views.npz", "npz", _read_external_views),
     Harness("experiments/plan.toml", _plan, "plan.toml", "toml", _read_plan),
     Harness("experiments/record.json", _record, "record.json", "json", _read_record),
     Harness("report/frozen.json", _pictures, "frozen.json", "json", _read_pictures),
