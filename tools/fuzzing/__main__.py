@@ -1,7 +1,7 @@
 """Try readers with changed inputs.
 
     python -m tools.fuzzing mutate [--count N] [--seed S] [--format NAME ...] [--to FOLDER] [--again]
-    python -m tools.fuzzing guided FORMAT ... [--seconds N] [--processes N]
+    python -m tools.fuzzing guided [FORMAT ...] [--seconds N] [--processes N] [--again]
 
 ``mutate`` reads seeded inputs of every format and ends with a table, and with status 1 where one of them
 is anything but refused or accepted with clean values. ``guided`` has atheris look for inputs that reach
@@ -11,6 +11,7 @@ further into a reader (``pip install -e .[fuzz]``, Python 3.11).
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import os
 import sys
 from collections.abc import Sequence
@@ -43,21 +44,26 @@ def main() -> None:
     changed.add_argument("--processes", type=int, default=os.cpu_count() or 1)
     changed.add_argument("--again", action="store_true", help="go on where a run into the folder was ended")
     guided = commands.add_parser("guided", help="coverage-guided, a format at a time")
-    guided.add_argument("format", nargs="+", help="formats, or how their names begin")
+    guided.add_argument("format", nargs="*", help="formats, or how their names begin; all without any")
     guided.add_argument("--seconds", type=int, default=600, help="for each")
     guided.add_argument("--processes", type=int, default=1, help="formats at a time")
     guided.add_argument("--to", type=Path, default=Path("build/fuzzing_guided"))
+    guided.add_argument("--again", action="store_true", help="count what earlier runs into the folder searched")
     commands.add_parser("formats", help="list the formats")
     given = parser.parse_args()
     if given.command == "formats":
         print("\n".join(one.name for one in HARNESSES))
     elif given.command == "guided":
         names = [one.name for one in _chosen(given.format)]
+        if importlib.util.find_spec("atheris") is None:
+            sys.exit("atheris is not installed here: pip install -e .[fuzz], under Python 3.11")
         with ThreadPoolExecutor(given.processes) as pool:
-            found = list(pool.map(lambda name: guide(name, given.seconds, given.to), names))
+            found = list(pool.map(lambda name: guide(name, given.seconds, given.to, given.again), names))
         for name, (runs, failing) in zip(names, found, strict=True):
             print(f"{name}: {runs} inputs, {failing} kinds of failing ones")
-        sys.exit(1 if any(failing for _, failing in found) else 0)
+        if unread := [name for name, (runs, _) in zip(names, found, strict=True) if not runs]:
+            print(f"nothing was tried of {', '.join(unread)}: see the logs in {given.to}")
+        sys.exit(1 if unread or any(failing for _, failing in found) else 0)
     else:
         chosen = _chosen(given.format)
         tally = mutate(given.count, given.seed, chosen, given.to, given.processes, given.again)

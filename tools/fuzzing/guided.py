@@ -17,6 +17,8 @@ import time
 from pathlib import Path
 from random import Random
 
+from r2sego_blender.core.text_files import write_text
+
 _ROOT = Path(__file__).parents[2]
 _SEEDS = 200
 _TOLD = ".told"
@@ -29,16 +31,22 @@ _SLOW_S = 5.0  # instrumented code takes some times longer
 _MOST_MB = 4000
 
 
-def guide(name: str, seconds: int, folder: Path) -> tuple[int, int]:
-    """Search for so long; how many inputs were tried, and how many kinds of failing ones ``folder`` has."""
+def guide(name: str, seconds: int, folder: Path, again: bool = False) -> tuple[int, int]:
+    """Search for so long; how many inputs were tried, and how many kinds of failing ones ``folder`` has.
+
+    With ``again`` what earlier runs into the folder searched counts.
+    """
     place = folder.absolute() / name.replace("/", "_")
-    failing, corpus = place / "failing", place / "corpus"
-    shutil.rmtree(failing, ignore_errors=True)
+    failing, corpus, searched = place / "failing", place / "corpus", place / "searched_s"
+    if not again:
+        shutil.rmtree(failing, ignore_errors=True)
+        (place / "log").unlink(missing_ok=True)
+        searched.unlink(missing_ok=True)
     for one in (failing, corpus):
         one.mkdir(parents=True, exist_ok=True)
-    (place / "log").unlink(missing_ok=True)
-    until = time.monotonic() + seconds
-    while (left := int(until - time.monotonic())) > 0:
+    before_s = float(searched.read_text(encoding="utf-8")) if searched.is_file() else 0.0
+    began_s = time.monotonic()
+    while (left := int(seconds - before_s - (time.monotonic() - began_s))) > 0:
         with tempfile.TemporaryDirectory(dir="/dev/shm" if os.access("/dev/shm", os.W_OK) else None) as scratch:
             command = [sys.executable, "-m", "tools.fuzzing.guided", name, str(failing), str(corpus)]
             options = [f"-max_total_time={left}", f"-max_len={_LONGEST_BYTES}", f"-timeout={_HANG_S}"]
@@ -52,6 +60,7 @@ def guide(name: str, seconds: int, folder: Path) -> tuple[int, int]:
             with (place / "log").open("ab") as log:
                 environment = os.environ | {"TMPDIR": scratch}
                 subprocess.run([*command, *options], cwd=_ROOT, env=environment, stderr=log, stdout=log, check=False)
+        write_text(searched, f"{before_s + time.monotonic() - began_s:.1f}\n")
     runs = sum(map(int, _RUNS.findall((place / "log").read_text(errors="replace"))))
     return runs, sum(file.suffix != _TOLD for file in failing.iterdir())
 
