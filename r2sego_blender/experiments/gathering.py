@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -109,8 +110,9 @@ def _of_others(done: Sequence[tuple[Cell, Record]]) -> Iterator[str]:
     }
     for arm, backend in sorted(backends):
         yield f"{ARMS[arm].label}: {backend}."
-    for arm, why in sorted({pair for _, record in done for pair in record.not_scored.items()}):
-        yield f"{ARMS[arm].label} is in no figure of some cells: {why}"
+    without = Counter(pair for _, record in done for pair in record.not_scored.items())
+    for (arm, why), cells in sorted(without.items()):
+        yield f"{ARMS[arm].label} was not run in {cells} of {counted(len(done), 'cell')}: {why}"
 
 
 def _made_by(done: Sequence[tuple[Cell, Record]]) -> Iterator[str]:

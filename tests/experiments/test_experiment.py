@@ -71,7 +71,7 @@ def test_methods_that_could_not_be_run_are_named_and_cost_no_cell(plan, control,
     entries = json.loads((tmp_path / "made" / METRICS).read_text())["cells"]
     assert {one["arm"] for one in entries} == {"vanilla_3dgs", "difix3d_plus", "refined"}
     table = (tmp_path / "made" / MARKDOWN).read_text()
-    for told in ("GenFusion is in no figure", "not set up", "Difix3D+: difix3d_plus 1.0"):
+    for told in ("GenFusion was not run in 2 of 2 cells", "not set up", "Difix3D+: difix3d_plus 1.0"):
         assert table.count(told) == 1 and told in (tmp_path / "made" / "page.html").read_text()
     assert not run_experiment(chosen, tmp_path / "made", 1, program=PROGRAM)[0].left
 
