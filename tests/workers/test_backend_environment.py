@@ -34,11 +34,13 @@ def test_every_package_is_of_one_version_or_commit(name, tmp_path):
 
 
 def test_what_is_read_is_what_is_installed():
-    """The commit that an estimator says was read is the one that its environment has."""
-    root = Path(__file__).parents[2] / "r2sego_blender" / "geometry" / "estimators"
+    """The commit that an adapter says was read is the one that its environment has."""
+    library = Path(__file__).parents[2] / "r2sego_blender"
+    adapters = {file.stem: file for file in (library / "geometry" / "estimators").glob("*.py")}
+    adapters["difix3d"] = library / "evaluation" / "external_arms" / "difix3d_plus.py"
     for name in INSTALLABLE:
         backend = LEARNED_BACKENDS[name]
-        told = (root / f"{backend.worker}.py").read_text()
+        told = adapters[backend.worker].read_text()
         pins = [*backend.recipe.packages, *(backend.recipe.clone or ())]
         commits = [found for one in pins for found in re.findall(r"[0-9a-f]{40}", one)]
         assert commits and all(commit in told for commit in commits)
