@@ -59,7 +59,7 @@ def allocate_views(
 
     reorder = None
     if settings.ranking == "marginal":
-        surface = MissingSurface(cameras, asset, depth_of, settings.alpha_threshold)
+        surface = MissingSurface(cameras, asset, depth_of, settings)
         reorder = partial(by_marginal_gain, surface=surface, count=settings.target_views + spares)
 
     def chosen(refused: dict[int, str]) -> Selection:

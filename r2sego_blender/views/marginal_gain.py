@@ -12,14 +12,14 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from ..config.settings import SelectionSettings
 from ..core.cameras import Camera
-from ..geometry.visibility.point_visibility import PROXY_ROUGHNESS_M, looked_up
 from ..splats.asset import SplatAsset
 from ..splats.kernels.projection import DILATION_PX2
+from .references import visible
 from .scoring.deficit import AlphaRenderer
 
 _SIDE_PX = 80
-_TOLERANCE = 0.03  # relative depth at which a target still shows a point
 _COARSER = 2.0  # times as far off a target shows a surface too coarsely to stand for a nearer view of it
 
 
@@ -31,11 +31,11 @@ class MissingSurface:
         cameras: Sequence[Camera],
         asset: SplatAsset,
         depth_of: Callable[[Camera], np.ndarray],
-        alpha_threshold: float,
+        settings: SelectionSettings,
     ) -> None:
         """``cameras`` are the M candidates'; ``depth_of`` renders the proxy's planar depth (H, W), 0 where none is."""
         self._cameras = [camera.fitted(_SIDE_PX) for camera in cameras]
-        self._alphas, self._depth_of, self._threshold = AlphaRenderer(asset), depth_of, alpha_threshold
+        self._alphas, self._depth_of, self._settings = AlphaRenderer(asset), depth_of, settings
         self._dilation_px2 = DILATION_PX2 * (self._cameras[0].width / cameras[0].width) ** 2 if cameras else 0.0
         self._known: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
 
@@ -45,17 +45,17 @@ class MissingSurface:
 
     def shown(self, index: int, points: np.ndarray, depths: np.ndarray) -> np.ndarray:
         """(P,) bool: which points, at ``depths`` from the candidate that misses them, candidate ``index`` shows too."""
-        inside, z, surface = looked_up(points, self._cameras[index], self._of(index)[2])
-        seen = (surface > 0.0) & (z <= surface * (1.0 + _TOLERANCE) + PROXY_ROUGHNESS_M)
-        inside[inside] = seen & (z <= _COARSER * depths[inside])
-        return inside
+        camera = self._cameras[index]
+        seen = visible(points, camera, self._of(index)[2], self._settings.overlap_tolerance)
+        near: np.ndarray = camera.project(points)[1] <= _COARSER * depths
+        return seen & near
 
     def _of(self, index: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         if index not in self._known:
             camera = self._cameras[index]
             depth = self._depth_of(camera)
             alpha = self._alphas.alphas([camera], self._dilation_px2)[0]
-            missing = (depth > 0.0) & (alpha < self._threshold)
+            missing = (depth > 0.0) & (alpha < self._settings.alpha_threshold)
             self._known[index] = camera.unproject(depth)[missing], depth[missing], depth
         return self._known[index]
 

@@ -58,18 +58,18 @@ def select_reference(
     overlaps = np.zeros(len(captures))
     if len(points):
         for index, (camera, capture_depth) in enumerate(zip(captures, capture_depths, strict=True)):
-            overlaps[index] = _visible(points, camera, capture_depth, settings.overlap_tolerance).mean()
+            overlaps[index] = visible(points, camera, capture_depth, settings.overlap_tolerance).mean()
     return int(np.argmax(overlaps)), overlaps
 
 
-def _visible(points: np.ndarray, camera: Camera, depth: np.ndarray, tolerance: float) -> np.ndarray:
+def visible(points: np.ndarray, camera: Camera, depth: np.ndarray, tolerance: float) -> np.ndarray:
     """(P,) bool: the world points (P, 3) that ``camera``, with its depth map, sees."""
     pixels, z = camera.project(points)
-    visible = camera.sees(pixels, z)
+    found = camera.sees(pixels, z)
     height, width = depth.shape
-    columns = (pixels[visible, 0] * (width / camera.width)).astype(np.int64)
-    rows = (pixels[visible, 1] * (height / camera.height)).astype(np.int64)
+    columns = (pixels[found, 0] * (width / camera.width)).astype(np.int64)
+    rows = (pixels[found, 1] * (height / camera.height)).astype(np.int64)
     seen = depth[np.minimum(rows, height - 1), np.minimum(columns, width - 1)]
-    z = z[visible]
-    visible[visible] = (seen > 0.0) & (z <= seen * (1.0 + tolerance) + PROXY_ROUGHNESS_M)
-    return visible
+    z = z[found]
+    found[found] = (seen > 0.0) & (z <= seen * (1.0 + tolerance) + PROXY_ROUGHNESS_M)
+    return found

@@ -69,7 +69,7 @@ def test_a_view_shows_what_lies_in_it_and_is_not_hidden_or_much_farther():
         return wall(one) - np.float32(one.centre[1])
 
     calls: dict[str, bool] = {}
-    surface = MissingSurface(cameras, SplatAsset.empty(), depth_of, 0.8)
+    surface = MissingSurface(cameras, SplatAsset.empty(), depth_of, SelectionSettings())
     points, depths = surface.missing(0)
     np.testing.assert_allclose(points[:, 1], WALL_M, atol=1e-6)
     small = first.fitted(80)
@@ -85,9 +85,13 @@ def test_a_view_shows_what_lies_in_it_and_is_not_hidden_or_much_farther():
 def test_what_the_asset_shows_is_not_missing():
     lens = made_up_room(4000, (96, 72)).views[0].camera
     whole = made_up_room(4000, (96, 72)).asset
-    assert not len(MissingSurface([lens], whole, lambda one: np.ones(one.shape, np.float32), 0.0).missing(0)[0])
+    assert not len(
+        MissingSurface(
+            [lens], whole, lambda one: np.ones(one.shape, np.float32), SelectionSettings(alpha_threshold=0.0)
+        ).missing(0)[0]
+    )
     kept = whole.subset(whole.means[:, 0] < 0.5)
-    some = MissingSurface([lens], kept, lambda one: np.ones(one.shape, np.float32), 0.8).missing(0)[0]
+    some = MissingSurface([lens], kept, lambda one: np.ones(one.shape, np.float32), SelectionSettings()).missing(0)[0]
     assert 0 < len(some) <= lens.fitted(80).width * lens.fitted(80).height
 
 

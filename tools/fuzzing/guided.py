@@ -17,8 +17,6 @@ import time
 from pathlib import Path
 from random import Random
 
-from r2sego_blender.core.text_files import write_text
-
 _ROOT = Path(__file__).parents[2]
 _SEEDS = 200
 _TOLD = ".told"
@@ -60,7 +58,7 @@ def guide(name: str, seconds: int, folder: Path, again: bool = False) -> tuple[i
             with (place / "log").open("ab") as log:
                 environment = os.environ | {"TMPDIR": scratch}
                 subprocess.run([*command, *options], cwd=_ROOT, env=environment, stderr=log, stdout=log, check=False)
-        write_text(searched, f"{before_s + time.monotonic() - began_s:.1f}\n")
+        searched.write_text(f"{before_s + time.monotonic() - began_s:.1f}\n", encoding="utf-8")
     runs = sum(map(int, _RUNS.findall((place / "log").read_text(errors="replace"))))
     return runs, sum(file.suffix != _TOLD for file in failing.iterdir())
 
