@@ -18,7 +18,7 @@ def with_lenses_that_can_be_undone(model: Any) -> Any:
     corners over, and no photograph could be straightened. Runs in a child process.
     """
     pycolmap = load_pycolmap()
-    folded = [camera for camera in model.cameras.values() if not _can_be_undone(camera)]
+    folded = [camera for camera in model.cameras.values() if not can_be_undone(camera)]
     if folded:
         for camera in folded:
             used = {*camera.focal_length_idxs(), *camera.principal_point_idxs()}
@@ -29,7 +29,8 @@ def with_lenses_that_can_be_undone(model: Any) -> Any:
     return model
 
 
-def _can_be_undone(camera: Any) -> bool:
+def can_be_undone(camera: Any) -> bool:
+    """Whether a photograph through a pycolmap camera could be straightened."""
     try:
         lens_from_json(camera_to_json(camera), "camera").straight(np.eye(4))
     except (CaptureError, ValueError):

@@ -10,7 +10,8 @@ from PIL import Image
 from r2sego_blender.captures.frame.scale import Scale
 from r2sego_blender.captures.frame.world_frame import register
 from r2sego_blender.captures.importing import import_captures
-from r2sego_blender.captures.solving.solving import focal_of_exif, solve_poses
+from r2sego_blender.captures.solving.solving import solve_poses
+from r2sego_blender.captures.solving.starting_lenses import focal_of_exif
 from r2sego_blender.captures.sparse import triangulate
 from r2sego_blender.config.settings import CaptureSettings
 from r2sego_blender.core.cameras import rotation_angle_rad
