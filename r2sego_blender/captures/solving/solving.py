@@ -34,6 +34,7 @@ _PLENTY = 100  # so many of SIFT's matches in a pair are no mistake
 # By their matches within this share of the longest side, models with right and with wrong lenses or poses tell
 # apart: 87 of 100 to 71, where photographs are turned more than moved; 64 to 43, where a third is misplaced.
 _AGREES = 0.002
+_CLEARLY_MORE = 1.02  # SIFT's own model is the most exact of those that agree as well
 _TIMEOUT_S = 3600.0
 
 
@@ -114,7 +115,7 @@ class _Photographs(NamedTuple):
         return self.extended(found, matched)
 
     def solved_wider(self, by_sift: Matched, found: _Solved) -> tuple[_Solved, Matched]:
-        """With XFeat's matches, if more of all matches agree with it; and the matches that it is from."""
+        """With XFeat's matches, if clearly more of all matches agree with it; and the matches that it is from."""
         further = match_xfeat(
             [_sized(path, self.settings) for path in self.paths],
             list(combinations(range(len(self.paths)), 2)),
@@ -131,13 +132,16 @@ class _Photographs(NamedTuple):
         sure = {pair: rows for pair, rows in by_sift.pairs.items() if pair in further.pairs or len(rows) >= _PLENTY}
         # SIFT's matches are three times as exact where they are right.
         beside = Matched(by_sift.features, sure).beside(further)
-        solved = [(found, by_sift)]
+        best, agreeing = (found, by_sift), self.agreeing(found.best, every)
         for matched, words in ((beside, f"{NAME} and SIFT"), (further, NAME)):
             with contextlib.suppress(CaptureError):
-                solved.append((self.mapped(matched)._replace(matched_by=f", matched with {words}"), matched))
-            if self.all_of(solved[-1][0]):
-                break
-        return max(solved, key=lambda one: self.agreeing(one[0].best, every))
+                again = self.mapped(matched)._replace(matched_by=f", matched with {words}")
+                more = self.agreeing(again.best, every)
+                if more > _CLEARLY_MORE * agreeing:
+                    best, agreeing = (again, matched), more
+                if self.all_of(again):
+                    break
+        return best
 
     def extended(self, found: _Solved, matched: Matched) -> _Solved:
         """With the photographs that only a known lens can place, through that of ``found``."""
