@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+
 import numpy as np
 import pytest
 from expected_errors import refused
@@ -11,10 +13,9 @@ from r2sego_blender.captures.frame.scale import Scale
 from r2sego_blender.captures.frame.world_frame import register
 from r2sego_blender.captures.importing import import_captures
 from r2sego_blender.captures.solving.solving import solve_poses
-from r2sego_blender.captures.solving.starting_lenses import focal_of_exif
 from r2sego_blender.captures.sparse import triangulate
 from r2sego_blender.config.settings import CaptureSettings
-from r2sego_blender.core.cameras import rotation_angle_rad
+from r2sego_blender.core.cameras import look_at, rotation_angle_rad
 from r2sego_blender.core.errors import CaptureError
 from r2sego_blender.core.images import resize, save_image, to_uint8
 
@@ -128,16 +129,8 @@ def test_photographs_of_formats_that_colmap_does_not_read(room_captures, room_ca
     for capture, suffix in zip(room_captures, ("webp", "avif", "heic", "heic", "webp"), strict=True):
         path = (tmp_path / capture.name).with_suffix(f".{suffix}")
         Image.fromarray(to_uint8(capture.image())).save(path, quality=95, exif=exif.tobytes())
-    for path in tmp_path.iterdir():
-        assert focal_of_exif(str(path)) == pytest.approx(500.0 * 28.0 / 43.27 / 400.0, rel=1e-3)
     captures = import_captures(tmp_path, None, SETTINGS).captures
     assert _relative_errors_deg(captures, room_cameras).max() < 0.5
-
-
-def test_damaged_exif_tells_no_focal_length(tmp_path, blank_photograph):
-    path = blank_photograph(tmp_path / "a.png")
-    Image.open(path).save(tmp_path / "a.webp", exif=b"Exif\x00\x00MM\x00*\x00\x00\xff")
-    assert focal_of_exif(str(path)) is None and focal_of_exif(str(tmp_path / "a.webp")) is None
 
 
 def test_an_unreadable_photograph_is_named(tmp_path, room_captures):
@@ -162,6 +155,35 @@ def test_the_desk_registers_completely(shared, messages):
     up = -np.mean([capture.camera.world_from_camera[:3, 1] for capture in world], axis=0)
     assert up[2] > 0.7
     assert registration.scale_source.startswith("assumed")
+
+
+@pytest.mark.parametrize("matcher", ["sift", "xfeat"])
+def test_a_photograph_that_shares_almost_all_with_one_other_is_placed(room, room_cameras, tmp_path, messages, matcher):
+    """Too few of its points are seen by a third for COLMAP alone."""
+    turned = room_cameras[0].at(look_at((-1.3, -2.1, 1.5), (-2.4, -1.12, 0.6)))
+    for index, camera in enumerate([*room_cameras, turned]):
+        save_image(tmp_path / f"{index}.png", room.image(camera))
+    settings = CaptureSettings(max_features=2500, matcher=matcher)
+    captures = import_captures(tmp_path, None, settings, messages).captures
+    assert [capture.name for capture in captures] == [f"{index}.png" for index in range(6)]
+    assert _relative_errors_deg(captures, [*room_cameras, turned]).max() < 0.7
+
+
+@pytest.mark.slow
+def test_an_office_of_which_sift_places_two_thirds_registers_completely(shared, tmp_path, messages):
+    """Twelve frames of a walk, each turned by 29 degrees in the mean; the recorded poses are off by centimetres too."""
+    folder = shared("captures/holo_office")
+    poses = np.loadtxt(folder / "poses_c2w.txt").reshape(-1, 4, 4)[36:48]
+    names = sorted(path.name for path in (folder / "images").iterdir())[36:48]
+    for name in names:
+        shutil.copy(folder / "images" / name, tmp_path / name)
+    photographs, _ = solve_poses(tmp_path, CaptureSettings(), messages)
+    assert [one.name for one in photographs] == names
+    assert photographs[0].lens.fx == pytest.approx(495.6, rel=0.04)
+    found = np.array([one.world_from_camera for one in photographs])
+    relative, true = np.linalg.inv(found[0]) @ found, np.linalg.inv(poses[0]) @ poses
+    errors = [np.degrees(rotation_angle_rad(a, b)) for a, b in zip(relative, true, strict=True)]
+    assert np.median(errors) < 3.0 and max(errors) < 8.0
 
 
 @pytest.mark.slow
