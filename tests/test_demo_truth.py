@@ -9,7 +9,7 @@ import pytest
 
 from r2sego_blender.core.images import load_image
 from r2sego_blender.evaluation.ground_truth import GroundTruth, load_ground_truth
-from tools.benchmarks.true_objects import true_objects
+from tools.benchmarks.truth.true_objects import true_objects
 
 PROGRAM = Path(__file__).resolve().parents[1] / "demo" / "make_truth.py"
 

@@ -125,6 +125,19 @@ def bench_generation(file: Path | None, **given: Any) -> None:
     _measure("generation", file, **given)
 
 
+@bench.command("solving")
+@click.argument("captures", type=ANY_PATH)
+@click.option("--poses", type=ANY_PATH, help="As for train: by default what CAPTURES holds.")
+@_number("--first", 0, "The first photograph of the walk that is taken.")
+@_number("--count", defaults.SOLVING_COUNT, "So many are taken at most.")
+@_number("--every", 1, "Each so-many-th of the walk.")
+@click.option("--turn", type=float, default=0.0, help="Each turned so many degrees further than the last at least.")
+@_figures_file
+def bench_solving(file: Path | None, **given: Any) -> None:
+    """Solve photographs whose poses are known without them, by each matcher, and score poses and lens."""
+    _measure("solving", file, **given)
+
+
 @bench.command("registration")
 @click.option("--scene", required=True, type=FOLDER, help="Folder with cameras.json, captures and their ground truth.")
 @click.option("--bundle", type=FOLDER, help="A bundle of these captures with a proxy; else one is made.")

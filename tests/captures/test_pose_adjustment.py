@@ -22,7 +22,7 @@ from r2sego_blender.core.errors import CaptureError
 from r2sego_blender.core.images import save_image
 from r2sego_blender.geometry.stereo.stereo import dense_stereo
 from r2sego_blender.refine.creation import create_scene
-from tools.benchmarks.disturbance import disturbed_captures
+from tools.benchmarks.truth.disturbance import disturbed_captures
 
 DEMO = Path(__file__).parents[2] / "demo/room"
 

@@ -46,7 +46,7 @@ from r2sego_blender.views.references import select_reference
 
 from .machine import processor
 from .steadiness import flow_differences
-from .true_objects import declare_true_objects
+from .truth.true_objects import declare_true_objects
 
 _ESTIMATED, _WITH_PRIORS, _TRUE = "estimated", "with_priors", "true_geometry"
 _LIBRARY = 2  # the stream of random numbers that bench geometry makes its library with

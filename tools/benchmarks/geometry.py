@@ -37,10 +37,10 @@ from r2sego_blender.refine.creation import create_scene
 from r2sego_blender.refine.steps import Steps
 from r2sego_blender.splats.artifacts import INITIAL_ASSET
 
-from .disturbance import disturbed_captures
-from .geometry_scores import depth_score, mesh_score
 from .machine import processor
-from .true_objects import TrueObject, declare_true_objects
+from .truth.disturbance import disturbed_captures
+from .truth.geometry_scores import depth_score, mesh_score
+from .truth.true_objects import TrueObject, declare_true_objects
 
 _PARTS = {
     layout.DEPTH: "stereo",

@@ -34,7 +34,7 @@ from r2sego_blender.pipeline import refine
 from r2sego_blender.refine.creation import create_scene
 
 from .machine import processor
-from .true_objects import declare_true_objects
+from .truth.true_objects import declare_true_objects
 
 _LIBRARY = 2  # the stream of random numbers that the other benches make their libraries with
 _REPORT = "report/"  # what evaluating publishes: the baseline

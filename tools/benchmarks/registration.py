@@ -30,10 +30,10 @@ from r2sego_blender.refine.depths import completed_depths, reliable_depths
 from r2sego_blender.views.references import select_reference
 from r2sego_blender.workers.protocol.recorded_worker import RecordedWorker
 
-from .disturbance import disturbed_pose
-from .drifting_vggt import DRIFT_DEG, DRIFT_M, record_drifting
 from .generation import Arm, bundle_with_proxy, estimated_arm
 from .machine import processor
+from .truth.disturbance import disturbed_pose
+from .truth.drifting_vggt import DRIFT_DEG, DRIFT_M, record_drifting
 
 _QUANTILE = 0.9
 _WRONG = "wrong"

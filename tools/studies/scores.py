@@ -20,7 +20,7 @@ from r2sego_blender.geometry.estimators.aligned_depth import ESTIMATED
 from r2sego_blender.geometry.proxy.proxy import PROXY
 from r2sego_blender.geometry.room.completed_depth import COMPLETED, DepthSource
 from r2sego_blender.splats.artifacts import REFINED_ASSET
-from tools.benchmarks.geometry_scores import mesh_score
+from tools.benchmarks.truth.geometry_scores import mesh_score
 
 from .disturbed_depth import mean_relative_error
 

@@ -29,8 +29,8 @@ from r2sego_blender.views.selection import select_targets
 from r2sego_blender.workers.protocol.program_worker import ProgramWorker
 from r2sego_blender.workers.protocol.recorded_worker import RecordedWorker
 from r2sego_blender.workers.protocol.serving import RANDOM, Answer, write_answer
-from tools.benchmarks.disturbance import disturbed_pose
-from tools.benchmarks.drifting_vggt import BACKEND, record_drifting
+from tools.benchmarks.truth.disturbance import disturbed_pose
+from tools.benchmarks.truth.drifting_vggt import BACKEND, record_drifting
 
 REFERENCE = 1
 

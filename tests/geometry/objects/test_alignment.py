@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from r2sego_blender.core.errors import GeometryError
 from r2sego_blender.geometry.objects.alignment import ObjectEvidence, align, rated, realigned, screened
 from r2sego_blender.geometry.objects.shapes import Shape
-from tools.benchmarks.geometry_scores import alignment_score
+from tools.benchmarks.truth.geometry_scores import alignment_score
 
 CHAIR = FURNITURE["chair"]()
 WORLD_FROM_CHAIR = standing(130.0, (0.3, 0.2), scale=1.1)

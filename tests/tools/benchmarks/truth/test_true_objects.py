@@ -12,7 +12,7 @@ from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.evaluation.ground_truth import GroundTruth, TrueView
 from r2sego_blender.geometry.objects.shapes import Shape, load_shape, mesh_files
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
-from tools.benchmarks.true_objects import TrueObject, rough_masks, symmetries, true_objects, write_library
+from tools.benchmarks.truth.true_objects import TrueObject, rough_masks, symmetries, true_objects, write_library
 
 CHAIR = (
     ((-0.2, -0.2, 0.4), (0.2, 0.2, 0.45)),

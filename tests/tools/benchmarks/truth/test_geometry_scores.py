@@ -14,8 +14,8 @@ from r2sego_blender.core.errors import EvaluationError
 from r2sego_blender.evaluation.ground_truth import GroundTruth, TrueView
 from r2sego_blender.evaluation.surfaces.geometry_errors import Surface
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
-from tools.benchmarks import geometry_scores
-from tools.benchmarks.geometry_scores import alignment_score, chamfer_distance_m, depth_score, mesh_score
+from tools.benchmarks.truth import geometry_scores
+from tools.benchmarks.truth.geometry_scores import alignment_score, chamfer_distance_m, depth_score, mesh_score
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -13,7 +13,7 @@ from r2sego_blender.config.settings import CaptureSettings
 from r2sego_blender.core.cameras import Camera, look_at, rotation_angle_rad
 from r2sego_blender.core.errors import CaptureError
 from r2sego_blender.core.images import load_image, save_image
-from tools.benchmarks.disturbance import GAIN, NOISE_SIGMA, disturbed_captures, disturbed_pose
+from tools.benchmarks.truth.disturbance import GAIN, NOISE_SIGMA, disturbed_captures, disturbed_pose
 
 GREYS = (0.3, 0.5, 0.6)
 
