@@ -63,7 +63,8 @@ def map_in_child(request: dict[str, Any]) -> dict[str, Any]:
     """``models`` of photographs, and whether the matches have ``determined`` their lens; runs in a child process.
 
     The request holds ``folder`` with ``matches.npz``, the photographs' ``paths`` and ``sizes``, and ``min_matches``;
-    ``lens_from``, a model, holds its lenses as they are; ``compare`` asks whether the lens is determined.
+    ``lens_from``, a model, holds its lenses as they are; ``compare`` asks whether the lens is determined, where all with
+    matches register.
     """
     os.chdir(request["folder"])  # Windows' COLMAP opens no database by a path of letters beyond the system's
     folder = Path()
@@ -75,17 +76,17 @@ def map_in_child(request: dict[str, Any]) -> dict[str, Any]:
         return {"models": _mapped(folder / "held", lenses, matched, min_matches, held=True).models, "determined": True}
     best = _mapped(folder / "shared", shared, matched, min_matches)
     most = len(_all_of(matched))
-    known = all(camera.has_prior_focal_length for camera in shared[0])
+    known, shares = all(camera.has_prior_focal_length for camera in shared[0]), True
     if len(shared[0]) < len(matched.features) and not (known and best.registered == most):
         # Zoomed photographs without EXIF spoil the lens that they share, though all may register.
         own = _mapped(folder / "own", cameras_of_their_own(*shared), matched, min_matches)
         better = own.error_px < _CLEARLY_LOWER * best.error_px
         if own.registered > best.registered or (own.registered == best.registered and better):
-            best = own
-    determined = known or not request["compare"]
-    if not determined and best.registered == most:
+            best, shares = own, False
+    determined = True
+    if request["compare"] and not known and best.registered == most:
         start = starting_cameras(request["paths"], request["sizes"], _OTHER_FOCAL_GUESS)
-        other = _mapped(folder / "other", start, matched, min_matches)
+        other = _mapped(folder / "other", start if shares else cameras_of_their_own(*start), matched, min_matches)
         off = abs(np.log(other.relative_focal / best.relative_focal)) if other.registered == most else np.inf
         determined = bool(off <= _SAME_FOCAL)
     return {"models": best.models, "determined": determined}

@@ -105,13 +105,19 @@ class _Photographs(NamedTuple):
         wider = self.settings.matcher == "xfeat" and runs()
         found, matched, failure = _Solved([]), by_sift, None
         try:
-            found = self.mapped(by_sift, compare=wider)
+            found = self.mapped(by_sift, compare=True)
         except CaptureError as error:
             failure = error
         if wider and not (self.all_of(found) and found.determined):
             found, matched = self.solved_wider(by_sift, found)
         if failure and not found.models:
             raise failure
+        if not found.determined:
+            self.progress.message(
+                "the photographs hardly tell their focal length, and places depend on it: take some that are turned "
+                "more, or ones whose EXIF tells it",
+                level="warning",
+            )
         return self.extended(found, matched)
 
     def solved_wider(self, by_sift: Matched, found: _Solved) -> tuple[_Solved, Matched]:
