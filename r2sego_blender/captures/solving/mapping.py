@@ -63,8 +63,8 @@ def map_in_child(request: dict[str, Any]) -> dict[str, Any]:
     """``models`` of photographs, and whether the matches have ``determined`` their lens; runs in a child process.
 
     The request holds ``folder`` with ``matches.npz``, the photographs' ``paths`` and ``sizes``, and ``min_matches``;
-    ``lens_from``, a model, holds its lenses as they are; ``compare`` asks whether the lens is determined, where all with
-    matches register.
+    ``lens_from``, a model, holds its lenses as they are; ``compare`` asks whether the lens is determined, where
+    all that have matches register.
     """
     os.chdir(request["folder"])  # Windows' COLMAP opens no database by a path of letters beyond the system's
     folder = Path()

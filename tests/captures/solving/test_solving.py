@@ -109,14 +109,15 @@ def test_photographs_from_one_spot(room, room_cameras, tmp_path):
         import_captures(tmp_path, None, SETTINGS)
 
 
-def test_zoomed_photographs_without_exif_have_a_lens_of_their_own(room_captures, room_cameras, tmp_path):
+def test_zoomed_photographs_without_exif_have_a_lens_of_their_own(room_captures, room_cameras, tmp_path, messages):
     """Under one lens for all, most of them fall and the focal length is that of none."""
     for index, capture in enumerate(room_captures):
         image = capture.image()
         if index in (1, 3):
             image = resize(image[45:255, 60:340], 400, 300)
         save_image(tmp_path / capture.name, image)
-    captures = import_captures(tmp_path, None, SETTINGS).captures
+    captures = import_captures(tmp_path, None, SETTINGS, messages).captures
+    assert not messages.warnings
     assert _relative_errors_deg(captures, room_cameras).max() < 0.5
     focal = [300.0 / 0.7 if index in (1, 3) else 300.0 for index in range(5)]
     assert [capture.camera.fx for capture in captures] == pytest.approx(focal, rel=0.05)
