@@ -18,7 +18,7 @@ from r2sego_blender.config.presets import entries
 from r2sego_blender.config.settings import CaptureSettings
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.progress import Progress
-from r2sego_blender.evaluation.arms import ARMS, EVERYWHERE, WITHOUT_GENERATED
+from r2sego_blender.evaluation.arms import ARMS, DEFAULT_ARMS, WITHOUT_GENERATED
 from r2sego_blender.evaluation.scene_evaluation import evaluate_scene
 from r2sego_blender.evaluation.scene_report import write_scene_report
 from r2sego_blender.evaluation.trained_arms import train_without_generated_views
@@ -274,7 +274,7 @@ def test_the_same_seed_gives_the_same_bundle(small_room, tmp_path):
 
 def test_evaluation_scores_every_arm_and_writes_the_report(small_room):
     metrics = evaluate_scene(small_room, ROOM / "cameras.json")
-    assert set(metrics["arms"]) == set(EVERYWHERE)
+    assert set(metrics["arms"]) == set(DEFAULT_ARMS)
     for arm in metrics["arms"].values():
         assert len(arm["views"]) == 16 and 5 < arm["psnr"] < 60 and 0 < arm["ssim"] < 1
         assert arm["lpips_alex"] is not None or arm["lpips_reason"]

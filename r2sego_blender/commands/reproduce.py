@@ -70,7 +70,7 @@ def table3(
     from ..bundle.scene import Scene
     from ..core.atomic_files import write_whole
     from ..core.errors import EvaluationError
-    from ..evaluation.arms import ARMS, EVERYWHERE, REFINED, strongest_baseline
+    from ..evaluation.arms import ARMS, DEFAULT_ARMS, REFINED, strongest_baseline
     from ..policy.environment.chairs import CHAIRS
     from ..policy.paired.experiment import PairedExperiment, run_experiment
     from ..policy.paired.table import markdown
@@ -78,7 +78,7 @@ def table3(
 
     bundle = Scene.open(scene)
     psnr = {arm: scores["psnr"] for arm, scores in bundle.read(METRICS).get("arms", {}).items()}
-    baseline = strongest_baseline(psnr, [arm for arm in BASELINES if arm in EVERYWHERE])  # with an asset to see
+    baseline = strongest_baseline(psnr, [arm for arm in BASELINES if arm in DEFAULT_ARMS])  # with an asset to see
     if not baseline or REFINED not in psnr:
         raise EvaluationError(
             "the scene's arms were not scored yet", where=scene, cure="Run `r2sego evaluate` on it first."

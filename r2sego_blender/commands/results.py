@@ -34,10 +34,10 @@ def evaluate(scene: Path, frozen: Path, arms: str, distinct: bool, output: Outpu
     need environments of their own (`r2sego doctor --backends`). Photographs that are held out must not have been among
     those of SCENE.
     """
-    from ..evaluation.arms import EVERYWHERE, named_arms
+    from ..evaluation.arms import DEFAULT_ARMS, named_arms
     from ..evaluation.scene_evaluation import evaluate_scene, table
 
-    chosen = named_arms([name.strip() for name in arms.split(",")]) if arms else EVERYWHERE
+    chosen = named_arms([name.strip() for name in arms.split(",")]) if arms else DEFAULT_ARMS
     opened = Scene.open(scene)
     metrics = evaluate_scene(opened, frozen, output.progress, chosen, distinct)
     page = opened.report_folder / REPORT_PAGE

@@ -69,7 +69,7 @@ ARMS: Mapping[str, ArmSource] = {
 }
 """The arms in the order of the table; the key is the name in metrics.json."""
 
-EVERYWHERE = tuple(name for name, source in ARMS.items() if source.asset)
+DEFAULT_ARMS = tuple(name for name, source in ARMS.items() if source.asset)
 """Those that need no environment of their own: what is compared where nobody says otherwise."""
 
 

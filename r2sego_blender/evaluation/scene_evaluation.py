@@ -29,11 +29,11 @@ from ..geometry.stereo.stereo import DEPTH
 from ..splats.asset import SplatAsset
 from ..splats.formats.ply import load_made
 from . import generator_score, round_scores, scene_causes, view_influence
-from .arms import ARMS, EVERYWHERE, REFINED
+from .arms import ARMS, DEFAULT_ARMS, REFINED
 from .cause_figures import report_causes
 from .distinct_views import require_distinct, seen_in_training
 from .exposed_rendering import as_exposed
-from .external_arms.external_views import ExternalViews, external_views
+from .external_arms.external_views import ExternalViews, external_views, why_not_set_up
 from .frozen import ArmScore, score
 from .generator_score import score_generator
 from .metrics_file import write_metrics
@@ -48,7 +48,11 @@ from .trained_arms import train_arms
 
 
 def evaluate_scene(
-    scene: Scene, frozen: Path, progress: Progress = SILENT, arms: Collection[str] = EVERYWHERE, distinct: bool = False
+    scene: Scene,
+    frozen: Path,
+    progress: Progress = SILENT,
+    arms: Collection[str] = DEFAULT_ARMS,
+    distinct: bool = False,
 ) -> dict[str, Any]:
     """Score the scene's arms and rounds on ``frozen``, and split the refined asset's error by
     cause; writes the report and returns ``metrics.json``.
@@ -79,8 +83,13 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress, arms: Sequence[st
         progress.message(
             f"{', '.join(seen)}: taken from where a capture was; scores of what was trained on say little", "warning"
         )
-    train_arms(scene, progress, {*arms, *(ARMS[arm].base for arm in arms)})
-    shown_by_others, not_scored = _external_views(scene, arms, views, progress)
+    not_scored = {arm: why for arm in arms if ARMS[arm].views and (why := why_not_set_up(arm))}
+    asked = [arm for arm in arms if arm not in not_scored]
+    train_arms(scene, progress, {*asked, *(ARMS[arm].base for arm in asked)})
+    shown_by_others, broken = _external_views(scene, asked, views, progress)
+    not_scored |= broken
+    for arm, why in not_scored.items():
+        progress.message(f"{ARMS[arm].label} is not scored: {why}", "warning")
     arms = [arm for arm in arms if arm not in not_scored]
     scores: dict[str, ArmScore] = {}
     renderings: dict[str, dict[str, np.ndarray]] = {}
@@ -133,16 +142,15 @@ def _external_views(
 ) -> tuple[dict[str, ExternalViews], dict[str, str]]:
     """What methods of others show, by arm, and of those that show nothing why."""
     shown: dict[str, ExternalViews] = {}
-    not_scored: dict[str, str] = {}
+    broken: dict[str, str] = {}
     for arm in arms:
         if not ARMS[arm].views:
             continue
         try:
             shown[arm] = external_views(scene, arm, views, progress)
         except (MachineError, NativeError) as error:
-            not_scored[arm] = str(error)
-            progress.message(f"{ARMS[arm].label} is not scored: {error}", "warning")
-    return shown, not_scored
+            broken[arm] = str(error)
+    return shown, broken
 
 
 def frozen_views(scene: Scene, frozen: Path, progress: Progress = SILENT) -> tuple[Capture, ...]:

@@ -16,7 +16,7 @@ from ..config.presets import PRESETS, by_dotted_keys, preset, with_overrides
 from ..config.settings import Settings
 from ..core.errors import ExperimentError, SettingsError
 from ..core.file_names import caseless, plain_name
-from ..evaluation.arms import ARMS, EVERYWHERE
+from ..evaluation.arms import ARMS, DEFAULT_ARMS
 from .datasets.registry import DATASETS
 
 MOST_CELLS = 10_000
@@ -113,7 +113,7 @@ class Plan:
     counts: tuple[int, ...] = setting(
         (), "Capture counts: the first so many in the order of the poses. By default all there are.", 3, 10_000
     )
-    arms: tuple[str, ...] = setting(EVERYWHERE, "Arms that are compared.", read=_arms)
+    arms: tuple[str, ...] = setting(DEFAULT_ARMS, "Arms that are compared.", read=_arms)
     seeds: tuple[int, ...] = setting((0,), "Seeds; arms of one seed are a pair.", 0, 2**31 - 1)
     presets: tuple[PlannedPreset, ...] = setting((PlannedPreset(name="paper"),), "Presets.")
     published: str = setting("", "A data set whose published figures stand below the tables.", choices=("", *DATASETS))

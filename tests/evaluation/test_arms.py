@@ -2,7 +2,7 @@
 
 from r2sego_blender.evaluation.arms import (
     ARMS,
-    EVERYWHERE,
+    DEFAULT_ARMS,
     GAUSSGYM,
     GENFUSION,
     REFINED,
@@ -21,7 +21,7 @@ def test_the_strongest_baseline_is_the_best_method_of_others():
     assert strongest_baseline(scores | {VANILLA: None}) == VANILLA  # equal images
     assert strongest_baseline({REFINED: 25.0}) == ""
     assert strongest_baseline(scores | {GENFUSION: 22.0}) == GENFUSION
-    assert strongest_baseline(scores | {GENFUSION: 22.0}, EVERYWHERE[:3]) == GAUSSGYM
+    assert strongest_baseline(scores | {GENFUSION: 22.0}, DEFAULT_ARMS[:3]) == GAUSSGYM
 
 
 def test_panels_have_a_word_for_every_arm():

@@ -8,7 +8,7 @@ from fake_experiment import PLAN
 
 from r2sego_blender.config.presets import preset, with_overrides
 from r2sego_blender.core.errors import ExperimentError
-from r2sego_blender.evaluation.arms import EVERYWHERE
+from r2sego_blender.evaluation.arms import DEFAULT_ARMS
 from r2sego_blender.experiments.plan import Plan, PlannedPreset
 
 SCENE = '[[scenes]]\ncaptures = "room"\nfrozen = "held_out"\n'
@@ -26,7 +26,7 @@ def test_paths_are_the_plans_and_names_the_folders(plan, plan_file, monkeypatch,
     assert scene.name == "room" and scene.poses is None and not scene.is_bundle
     assert plan.counts == (3, 5) and plan.seeds == (0, 1) and plan.presets == (PlannedPreset("paper", "paper"),)
     plain = load(plan_file, SCENE)
-    assert plain.arms == EVERYWHERE and plain.counts == () and plain.seeds == (0,)
+    assert plain.arms == DEFAULT_ARMS and plain.counts == () and plain.seeds == (0,)
 
 
 def test_settings_are_those_of_preset_overrides_and_seed(plan_file):

@@ -25,7 +25,7 @@ from r2sego_blender.core.errors import SceneError
 from r2sego_blender.core.json_files import rounded
 from r2sego_blender.core.progress import SILENT, Progress
 from r2sego_blender.evaluation import round_scores
-from r2sego_blender.evaluation.arms import ARMS, EVERYWHERE, REFINED, strongest_baseline
+from r2sego_blender.evaluation.arms import ARMS, DEFAULT_ARMS, REFINED, strongest_baseline
 from r2sego_blender.evaluation.ground_truth import load_ground_truth
 from r2sego_blender.evaluation.scene_evaluation import evaluate_scene, frozen_views
 from r2sego_blender.generation.view_records import read_views
@@ -119,7 +119,7 @@ def lines(figures: Mapping[str, Any]) -> list[str]:
         text.append(f"round {one['round']}: {one['kept']} frames kept, {one['rejected']} rejected")
         text += [f"  {reason}" for reason in one["reasons"]]
     text += ["", f"{'':<{round_scores.LABEL_WIDTH}}{'PSNR dB':>9}{'SSIM':>8}"]
-    for arm in EVERYWHERE:
+    for arm in DEFAULT_ARMS:
         text.append(f"{ARMS[arm].label:<{round_scores.LABEL_WIDTH}}{_decibels(f[arm]['psnr'])}{f[arm]['ssim']:>8.3f}")
     text += round_scores.lines(f["rounds"])
     baseline = ARMS[f["strongest_baseline"]].label
@@ -196,7 +196,7 @@ def _views(made: Scene, round_index: int) -> dict[str, Any]:
 
 def _scores(metrics: Mapping[str, Any]) -> dict[str, Any]:
     """The arms, the rounds and what follows from them, of a ``metrics.json``."""
-    arms = {arm: {kind: metrics["arms"][arm][kind] for kind in ("psnr", "ssim")} for arm in EVERYWHERE}
+    arms = {arm: {kind: metrics["arms"][arm][kind] for kind in ("psnr", "ssim")} for arm in DEFAULT_ARMS}
     strongest = strongest_baseline({arm: scored["psnr"] for arm, scored in arms.items()})
     refined, baseline = arms[REFINED]["psnr"], arms[strongest]["psnr"]
     gain = None if refined is None or baseline is None else rounded(refined - baseline)

@@ -18,7 +18,7 @@ from pathlib import Path
 from r2sego_blender.bundle.figures import CAMERAS, METRICS
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.core.errors import R2SEgoError
-from r2sego_blender.evaluation.arms import EVERYWHERE, INITIAL, REFINED, strongest_baseline
+from r2sego_blender.evaluation.arms import DEFAULT_ARMS, INITIAL, REFINED, strongest_baseline
 from tools.benchmarks.machine import processor
 
 README = Path(__file__).resolve().parents[2] / "README.md"
@@ -30,7 +30,7 @@ def row(scene: Scene) -> str:
     """One scene as a line of the Markdown table."""
     arms = scene.read(METRICS)["arms"]
     captures = scene.read(CAMERAS)["captures"]
-    scores = [f"{arms[arm]['psnr']:.2f} / {arms[arm]['ssim']:.3f}" for arm in EVERYWHERE if arm != INITIAL]
+    scores = [f"{arms[arm]['psnr']:.2f} / {arms[arm]['ssim']:.3f}" for arm in DEFAULT_ARMS if arm != INITIAL]
     strongest = strongest_baseline({arm: scored["psnr"] for arm, scored in arms.items()})
     gain = arms[REFINED]["psnr"] - arms[strongest]["psnr"]
     views = len(arms["refined"]["views"])
@@ -92,7 +92,7 @@ def main() -> None:
     except R2SEgoError as error:
         parser.error(str(error))
     for scene in scenes:
-        if not set(EVERYWHERE) <= set(scene.read(METRICS).get("arms", ())):
+        if not set(DEFAULT_ARMS) <= set(scene.read(METRICS).get("arms", ())):
             parser.error(f"{scene.path}: its arms are not all scored yet. Run `r2sego evaluate {scene.path}` first.")
     head, begin, rest = README.read_text(encoding="utf-8").partition(BEGIN)
     before, end, tail = rest.partition(END)

@@ -1,4 +1,4 @@
-"""Which photographs show the same things: features and their matches, and how alike patches look on planes.
+"""Which photographs show the same things: features, their matches, what only repeats, how alike patches look on planes.
 
 Begin with ``overlap``.
 """

@@ -16,7 +16,7 @@ from ...captures.capture import Capture
 from ...captures.store import CAPTURES
 from ...core.arrays import opened_arrays, require_shapes, save_arrays
 from ...core.cameras import Camera
-from ...core.errors import EvaluationError
+from ...core.errors import EvaluationError, MachineError
 from ...core.printable import printable
 from ...core.progress import SILENT, Progress
 from ...geometry.stereo.observed_geometry import OBSERVED, ObservedGeometry
@@ -82,6 +82,15 @@ class ExternalViews:
                 pictures[name] = picture.astype(np.float32) / 255.0
             backend, weights = (printable(str(text), _LONGEST_NAME) for text in told)
             return ExternalViews(backend, weights, MappingProxyType(pictures))
+
+
+def why_not_set_up(arm: str) -> str:
+    """What ``arm`` lacks on this machine, '' where it can be asked; nothing is run for it."""
+    try:
+        METHODS[arm].installation().worker.close()
+    except MachineError as error:
+        return str(error)
+    return ""
 
 
 def external_views(scene: Scene, arm: str, views: Sequence[Capture], progress: Progress = SILENT) -> ExternalViews:

@@ -109,6 +109,7 @@ def test_without_its_environment_an_arm_is_named_with_what_is_missing_and_the_ot
     assert variable in metrics["not_scored"][arm]
     (warning,) = [text for level, text in recorder.messages if level == "warning" and variable in text]
     assert warning in scene_evaluation.table(metrics)
+    assert not (scene.path / ARMS[GAUSSGYM].asset).exists()  # nothing is trained for what cannot be asked
 
 
 def test_difix3d_plus_fixes_the_gaussgym_conditions_pictures_with_the_nearest_capture(scene, frozen, with_difix3d):

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from r2sego_blender.evaluation.arms import EVERYWHERE
+from r2sego_blender.evaluation.arms import DEFAULT_ARMS
 from tools.results import table
 
 ROOT = Path(__file__).parents[3]
@@ -34,7 +34,10 @@ def evaluated(tmp_path, monkeypatch):
         report.mkdir(parents=True, exist_ok=True)
         captures.mkdir(exist_ok=True)
         arm = {"psnr": 20.0, "ssim": 0.5, "views": [1, 2]}
-        arms = dict.fromkeys(EVERYWHERE, arm) | {"same_points": {**arm, "psnr": 21.0}, "refined": {**arm, "psnr": 23.5}}
+        arms = dict.fromkeys(DEFAULT_ARMS, arm) | {
+            "same_points": {**arm, "psnr": 21.0},
+            "refined": {**arm, "psnr": 23.5},
+        }
         (report / "metrics.json").write_text(json.dumps({"arms": arms}))
         (captures / "cameras.json").write_text(json.dumps({"captures": [{}] * 6}))
         declared = SimpleNamespace(overrides={"rounds": 1}, preset="preview")
