@@ -22,6 +22,7 @@ def test_a_minute_at_a_kilohertz_loses_nothing_and_takes_a_twentieth_of_a_core(t
 
 
 def test_a_killed_recorder_leaves_all_up_to_its_last_chunk(tmp_path):
-    runs = killed_recorders(tmp_path / "kills", 5, seed=39)
+    # as slow that a busy machine's terminal does not overflow: what the line lost the recorder cannot leave
+    runs = killed_recorders(tmp_path / "kills", 5, seed=39, rate_hz=300)
     assert [run.problem for run in runs] == [""] * 5
-    assert max(run.read_bytes for run in runs) > 10_000
+    assert max(run.read_bytes for run in runs) > 5_000
