@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
-from .features import Features, match
+from .features import match
 from .overlap import Matched
 
 # A ratio test drops what repeats, for its second best is as good; a matcher that weighs whole neighbourhoods
@@ -18,17 +18,18 @@ _LEAST_DISTINCT = 3
 _BESIDE, _ALIKE = 0.03, 0.015
 
 
-def without_repetition(
-    found: Matched, by_sift: Sequence[Features], sizes: Sequence[tuple[int, int]], ratio: float
-) -> Matched:
-    """The pairs of ``found`` that matches of SIFT's features of the same photographs under the ratio test confirm.
+def without_repetition(found: Matched, by_sift: Matched, sizes: Sequence[tuple[int, int]], ratio: float) -> Matched:
+    """The pairs of ``found`` that SIFT's matches of the same photographs under the ratio test confirm.
 
-    ``sizes`` (width, height) are in the pixels of the keypoints.
+    Pairs that ``by_sift`` leaves out, as ``match_all`` does those of few matches, are matched here. ``sizes``
+    (width, height) are in the pixels of the keypoints.
     """
     pairs = {}
     for (i, j), matches in found.pairs.items():
-        distinct = match(by_sift[i].descriptors, by_sift[j].descriptors, ratio)
-        ends = by_sift[i].keypoints[distinct[:, 0]], by_sift[j].keypoints[distinct[:, 1]]
+        a, b = by_sift.features[i], by_sift.features[j]
+        known = by_sift.pairs.get((i, j))
+        distinct = match(a.descriptors, b.descriptors, ratio) if known is None else known
+        ends = a.keypoints[distinct[:, 0]], b.keypoints[distinct[:, 1]]
         others = found.features[i].keypoints[matches[:, 0]], found.features[j].keypoints[matches[:, 1]]
         if _distinct_beside(ends, others, max(sizes[i])) >= _LEAST_DISTINCT:
             pairs[i, j] = matches

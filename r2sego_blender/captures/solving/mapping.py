@@ -75,18 +75,19 @@ def map_in_child(request: dict[str, Any]) -> dict[str, Any]:
         lenses = solved_cameras(*shared, request["lens_from"])
         return {"models": _mapped(folder / "held", lenses, matched, min_matches, held=True).models, "determined": True}
     best = _mapped(folder / "shared", shared, matched, min_matches)
-    most = len(_all_of(matched))
-    known, shares = all(camera.has_prior_focal_length for camera in shared[0]), True
+    most = _photographs_with_matches(matched)
+    known = all(camera.has_prior_focal_length for camera in shared[0])
+    share_lens = True
     if len(shared[0]) < len(matched.features) and not (known and best.registered == most):
         # Zoomed photographs without EXIF spoil the lens that they share, though all may register.
         own = _mapped(folder / "own", cameras_of_their_own(*shared), matched, min_matches)
         better = own.error_px < _CLEARLY_LOWER * best.error_px
         if own.registered > best.registered or (own.registered == best.registered and better):
-            best, shares = own, False
+            best, share_lens = own, False
     determined = True
     if request["compare"] and not known and best.registered == most:
         start = starting_cameras(request["paths"], request["sizes"], _OTHER_FOCAL_GUESS)
-        other = _mapped(folder / "other", start if shares else cameras_of_their_own(*start), matched, min_matches)
+        other = _mapped(folder / "other", start if share_lens else cameras_of_their_own(*start), matched, min_matches)
         off = abs(np.log(other.relative_focal / best.relative_focal)) if other.registered == most else np.inf
         determined = bool(off <= _SAME_FOCAL)
     return {"models": best.models, "determined": determined}
@@ -106,22 +107,25 @@ def agreements(images: Images, matched: Matched, within_px: float) -> dict[int, 
 
 
 class _Mapped(NamedTuple):
-    """Models, the largest first; its size, mean reprojection error, and focal length in longest sides."""
+    """Models, the largest first, and its mean reprojection error."""
 
     models: list[Images]
-    registered: int = 0
     error_px: float = np.inf
 
     @property
+    def registered(self) -> int:
+        """The photographs of the largest model."""
+        return len(self.models[0]) if self.models else 0
+
+    @property
     def relative_focal(self) -> float:
-        """Of the first photograph of the largest model."""
+        """Focal length of its first photograph, in longest sides."""
         camera = self.models[0][0]["camera"]
         return camera["focal"][0] / max(camera["width"], camera["height"])
 
 
-def _all_of(matched: Matched) -> set[int]:
-    """The photographs that have matches."""
-    return {index for pair in matched.pairs for index in pair}
+def _photographs_with_matches(matched: Matched) -> int:
+    return len({index for pair in matched.pairs for index in pair})
 
 
 def _mapped(
@@ -142,14 +146,13 @@ def _mapped(
     _require_depth(database, len(names))
     index_of = {image_id: index for index, image_id in enumerate(ids)}
     best = _Mapped([])
-    most = len(_all_of(matched))
+    most = _photographs_with_matches(matched)
     for attempt, one in enumerate((_HELD,) if held else _TRIES):
         found = _models(database, folder / f"models{attempt}", one, min_matches, held)
         told = [(_trustworthy(_images(model, index_of), matched), model) for model in found]
         told.sort(key=lambda pair: -len(pair[0]))
         if told and len(told[0][0]) > best.registered:
-            error_px = told[0][1].compute_mean_reprojection_error()
-            best = _Mapped([images for images, _ in told], len(told[0][0]), error_px)
+            best = _Mapped([images for images, _ in told], told[0][1].compute_mean_reprojection_error())
         if best.registered == most:
             break
     return best

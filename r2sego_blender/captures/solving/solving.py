@@ -57,7 +57,7 @@ def solve_poses(
         features.append(sift(image, settings.max_features))
     matched = Matched(features, match_all(features, settings, progress, "Solving camera poses: matches"))
     found = _Photographs(paths, sizes, settings, progress).solved(matched)
-    best = found.models[0] if found.models else []
+    best = found.best
     registered = {image["index"] for image in best}
     fallen = [path.name for index, path in enumerate(paths) if index not in registered]
     count = f"{len(best)} of {len(paths)} photographs"
@@ -131,7 +131,7 @@ class _Photographs(NamedTuple):
             LEAST_EXPECTED,
         )
         if further is not None:
-            further = without_repetition(further, by_sift.features, self.sizes, self.settings.match_ratio)
+            further = without_repetition(further, by_sift, self.sizes, self.settings.match_ratio)
         if further is None or not further.pairs:
             return found, by_sift
         every = by_sift.beside(further)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from r2sego_blender.captures.matching.features import Features
+from r2sego_blender.captures.matching.features import Features, match
 from r2sego_blender.captures.matching.overlap import Matched
 from r2sego_blender.captures.matching.repetition import without_repetition
 
@@ -30,7 +30,7 @@ def _pair(rng, distinct, shift):
 @pytest.mark.parametrize(("distinct", "kept"), [(0, False), (2, False), (3, True), (40, True)])
 def test_a_pair_is_kept_where_distinct_features_move_as_it_says(rng, distinct, kept):
     sift, found = _pair(rng, distinct, SHIFT)
-    told = without_repetition(found, sift, [SIZE] * 2, 0.8)
+    told = without_repetition(found, Matched(sift, {}), [SIZE] * 2, 0.8)
     assert list(told.pairs) == [(0, 1)] * kept
     assert told.features is found.features
 
@@ -38,10 +38,18 @@ def test_a_pair_is_kept_where_distinct_features_move_as_it_says(rng, distinct, k
 @pytest.mark.parametrize("shift", [(0.0, 0.0), (60.0, 30.0), (-60.0, -8.0)])
 def test_a_pair_whose_distinct_features_move_otherwise_is_a_pattern_that_repeats(rng, shift):
     sift, found = _pair(rng, 40, np.array(shift))
-    assert not without_repetition(found, sift, [SIZE] * 2, 0.8).pairs
+    assert not without_repetition(found, Matched(sift, {}), [SIZE] * 2, 0.8).pairs
+
+
+def test_matches_that_are_known_already_tell_the_same(rng):
+    sift, found = _pair(rng, 40, SHIFT)
+    known = Matched(sift, {(0, 1): match(sift[0].descriptors, sift[1].descriptors, 0.8)})
+    assert list(without_repetition(found, known, [SIZE] * 2, 0.8).pairs) == [(0, 1)]
+    none = Matched(sift, {(0, 1): known.pairs[0, 1][:2]})
+    assert not without_repetition(found, none, [SIZE] * 2, 0.8).pairs
 
 
 def test_photographs_without_features_confirm_nothing(rng):
     _, found = _pair(rng, 40, SHIFT)
     empty = [Features(np.zeros((0, 2), np.float32), NONE)] * 2
-    assert not without_repetition(found, empty, [SIZE] * 2, 0.8).pairs
+    assert not without_repetition(found, Matched(empty, {}), [SIZE] * 2, 0.8).pairs
