@@ -50,6 +50,9 @@ COUNTS = Artifact("metrics.json", read_table, _write, editable=False)
 METRICS = Artifact("report/metrics.json", _scores)
 """The scores that the last evaluation left; empty before the first."""
 
+BASELINE_METRICS = Artifact("report/baselines.json", _scores)
+"""The scores of methods of others that were asked for alone, without a refinement; empty before."""
+
 BASELINES = ("vanilla_3dgs", "gaussgym", "same_points", "difix3d_plus", "genfusion")
 """The arms of ``METRICS`` that are methods of others. A gain is told against the one that scores best."""
 

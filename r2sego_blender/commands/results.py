@@ -25,8 +25,13 @@ from .options import ANY_PATH, FOLDER, Output, output_options, overrides_of, set
 @click.option(
     "--distinct", is_flag=True, help="Refuse views that stand and look as a capture or a retained target does."
 )
+@click.option(
+    "--baselines-only",
+    is_flag=True,
+    help="Methods of others alone, of a SCENE that need not be refined; writes report/baselines.json and no page.",
+)
 @output_options("--json-progress")
-def evaluate(scene: Path, frozen: Path, arms: str, distinct: bool, output: Output) -> None:
+def evaluate(scene: Path, frozen: Path, arms: str, distinct: bool, baselines_only: bool, output: Output) -> None:
     """Score SCENE on frozen views against what it has to beat; writes report/metrics.json.
 
     Vanilla 3DGS, the same points at this project's rates, and Algorithm 1 without generated views are trained on
@@ -34,12 +39,18 @@ def evaluate(scene: Path, frozen: Path, arms: str, distinct: bool, output: Outpu
     need environments of their own (`r2sego doctor --backends`). Photographs that are held out must not have been among
     those of SCENE.
     """
+    from ..evaluation import baselines
     from ..evaluation.arms import DEFAULT_ARMS, named_arms
     from ..evaluation.scene_evaluation import evaluate_scene, table
 
-    chosen = named_arms([name.strip() for name in arms.split(",")]) if arms else DEFAULT_ARMS
+    chosen = named_arms([name.strip() for name in arms.split(",")]) if arms else ()
     opened = Scene.open(scene)
-    metrics = evaluate_scene(opened, frozen, output.progress, chosen, distinct)
+    if baselines_only:
+        of_others = chosen or baselines.DEFAULT_BASELINES
+        metrics = baselines.evaluate_baselines(opened, frozen, output.progress, of_others, distinct)
+        output.show({"metrics": metrics}, lambda _: [baselines.table(metrics)])
+        return
+    metrics = evaluate_scene(opened, frozen, output.progress, chosen or DEFAULT_ARMS, distinct)
     page = opened.report_folder / REPORT_PAGE
     output.show({"metrics": metrics}, lambda _: [table(metrics), f"report: {page}"])
 

@@ -17,10 +17,10 @@ from ..core.errors import CaptureError
 from ..core.images import to_uint8
 from ..core.progress import SILENT, Progress
 from ..splats.metrics import psnr, ssim
-from .lpips import find_lpips
+from .lpips.weights import find_lpips
 
 if TYPE_CHECKING:
-    from .lpips_network import Lpips
+    from .lpips.network import Lpips
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from ..bundle.artifacts import Artifact
+from ..bundle.figures import BASELINE_METRICS, BASELINES, METRICS
 from ..bundle.keys import step_key
 from .inputs import SceneInputs
 from .plan import Plan, PlannedPreset, PlannedScene
@@ -53,6 +56,16 @@ class Cell:
         return self.folder / "bundle.r2s"
 
     @property
+    def refined(self) -> bool:
+        """Whether some of its arms takes a refinement: methods of others alone do not."""
+        return not set(self.arms) <= set(BASELINES)
+
+    @property
+    def metrics(self) -> Artifact[dict[str, Any]]:
+        """Where its bundle has the scores."""
+        return METRICS if self.refined else BASELINE_METRICS
+
+    @property
     def shared(self) -> Path | None:
         """What one cell makes for others too, while it is not there yet."""
         return None if self.scene.is_bundle or self.imported.exists() else self.imported
@@ -71,10 +84,9 @@ def cells_of(plan: Plan, inputs: Mapping[str, SceneInputs], folder: Path) -> tup
                 for count in plan.counts or (len(of_scene.captures),):
                     place = folder / CELLS / preset.name / scene.name / f"{count}" / f"seed_{seed}"
                     imported = scene.captures if scene.is_bundle else folder / IMPORTS / scene.name / f"{count}.r2s"
-                    key = _key(of_scene, count, preset, seed, plan.arms)
-                    cells.append(
-                        Cell(scene, count, preset, seed, plan.arms, plan.threads, place, imported, of_scene, key)
-                    )
+                    arms = plan.arms_at(count)
+                    key = _key(of_scene, count, preset, seed, arms)
+                    cells.append(Cell(scene, count, preset, seed, arms, plan.threads, place, imported, of_scene, key))
     return tuple(cells)
 
 

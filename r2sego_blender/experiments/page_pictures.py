@@ -15,7 +15,6 @@ from pathlib import Path
 
 from PIL import Image
 
-from ..bundle.figures import METRICS
 from ..bundle.scene import Scene
 from ..core.errors import EvaluationError, R2SEgoError
 from ..core.images import load_image_uint8
@@ -96,7 +95,7 @@ def _shown(cell: Cell, record: Record) -> ShownCell:
     arms = tuple(arm for arm in ARMS if arm in record.arms)
     try:
         bundle = Scene.open(cell.bundle)
-        metrics = bundle.read(METRICS)
+        metrics = bundle.read(cell.metrics)
         if metrics.get("assets", {}) != record.assets:
             raise EvaluationError("it was changed since", where=cell.bundle, cure="Remove the cell's record.")
         pictures = bundle.read(FROZEN_PICTURES)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from ..bundle.declaration import DECLARATION
+from ..bundle.figures import BASELINES
 from ..config.declared_files import Reader, did_you_mean, is_number
 from ..config.fields import setting
 from ..config.presets import PRESETS, by_dotted_keys, preset, with_overrides
@@ -113,12 +114,24 @@ class Plan:
     counts: tuple[int, ...] = setting(
         (), "Capture counts: the first so many in the order of the poses. By default all there are.", 3, 10_000
     )
+    refined_counts: tuple[int, ...] = setting(
+        (),
+        "Counts at which scenes are refined; at others methods of others alone are compared. By default all.",
+        3,
+        10_000,
+    )
     arms: tuple[str, ...] = setting(DEFAULT_ARMS, "Arms that are compared.", read=_arms)
     seeds: tuple[int, ...] = setting((0,), "Seeds; arms of one seed are a pair.", 0, 2**31 - 1)
     presets: tuple[PlannedPreset, ...] = setting((PlannedPreset(name="paper"),), "Presets.")
     published: str = setting("", "A data set whose published figures stand below the tables.", choices=("", *DATASETS))
     threads: int = setting(1, "Threads of a cell.", 1, 1024)
     memory_mb: int = setting(4000, "Memory that a cell is taken to need until one was measured, MB.", 1, 10**7)
+
+    def arms_at(self, count: int) -> tuple[str, ...]:
+        """The arms that are compared at a count of captures."""
+        if not self.refined_counts or count in self.refined_counts:
+            return self.arms
+        return tuple(arm for arm in self.arms if arm in BASELINES)
 
     @staticmethod
     def load(file: Path, scenes: Sequence[PlannedScene] = ()) -> Plan:
@@ -159,6 +172,10 @@ def _checked(plan: Plan, reader: Reader) -> None:
             wrong(place, f"has {twice[0]} twice", "Give each once, scenes and presets a name of their own.")
         if not values and place != "counts":
             wrong(place, "is empty", f"Give at least one of {place}.")
+    if unplanned := [count for count in plan.refined_counts if count not in plan.counts]:
+        wrong("refined_counts", f"has {unplanned[0]}, which is none of the counts", "Give some of the counts.")
+    if plan.refined_counts and not any(arm in BASELINES for arm in plan.arms):
+        wrong("refined_counts", "leaves other counts without an arm", "Take it away, or add methods of others to arms.")
     for index, scene in enumerate(plan.scenes):
         if scene.is_bundle and (plan.counts or scene.poses or scene.overrides):
             cure = (

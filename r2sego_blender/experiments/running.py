@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..bundle.figures import METRICS
 from ..bundle.layout import COLLISION, GROUND_PICTURES, REFINED_ASSET
 from ..bundle.scene import Scene
 from ..core.atomic_files import UNFINISHED, linked, remove, rename
@@ -98,15 +97,18 @@ def _done(cell: Cell, program: Sequence[str]) -> Record:
     if not cell.bundle.exists():
         copy_bundle(cell.imported, cell.bundle)
     _declare(cell)
-    stages.append(_command("refine", [*program, "refine", str(cell.bundle)], cell))
     asked = ["--frozen", str(cell.scene.frozen), "--arms", ",".join(cell.arms), "--distinct"]
+    if cell.refined:
+        stages.append(_command("refine", [*program, "refine", str(cell.bundle)], cell))
+    else:
+        asked.append("--baselines-only")
     stages.append(_command("evaluate", [*program, "evaluate", str(cell.bundle), *asked], cell))
     if frozen_digest(cell.scene.frozen) != cell.inputs.frozen_sha256:
         raise ExperimentError(
             "the frozen views were changed while the cell was scored", where=cell.scene.frozen, cure="Put them back."
         )
     scene = Scene.open(cell.bundle)
-    metrics = scene.read(METRICS)
+    metrics = scene.read(cell.metrics)
     not_scored = {arm: why for arm, why in metrics.get("not_scored", {}).items() if arm in cell.arms}
     if missing := [arm for arm in cell.arms if arm not in {*metrics.get("arms", ()), *not_scored}]:
         raise ExperimentError(

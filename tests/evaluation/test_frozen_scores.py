@@ -13,7 +13,7 @@ from r2sego_blender.core.cameras import Camera
 from r2sego_blender.core.errors import CaptureError
 from r2sego_blender.core.images import save_image
 from r2sego_blender.evaluation.frozen import ArmScore, ViewScore, score
-from r2sego_blender.evaluation.lpips import WEIGHTS_VARIABLE
+from r2sego_blender.evaluation.lpips.weights import WEIGHTS_VARIABLE
 from r2sego_blender.evaluation.metrics_file import write_metrics
 from r2sego_blender.evaluation.surfaces.surface_scores import ArmFigures
 

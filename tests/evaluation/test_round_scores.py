@@ -9,7 +9,7 @@ import pytest
 from small_bundle import WIDTH, bundle, photographs, splats
 
 from r2sego_blender.core.images import to_uint8
-from r2sego_blender.evaluation.lpips import WEIGHTS_VARIABLE
+from r2sego_blender.evaluation.lpips.weights import WEIGHTS_VARIABLE
 from r2sego_blender.evaluation.round_scores import RoundScore, as_entries, below, lines, score_rounds
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.metrics import psnr, ssim

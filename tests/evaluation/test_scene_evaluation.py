@@ -18,8 +18,8 @@ from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import SceneError
 from r2sego_blender.evaluation import scene_evaluation, scene_report
 from r2sego_blender.evaluation.arms import ARMS, GAUSSGYM, INITIAL, REFINED, SAME_POINTS, VANILLA, WITHOUT_GENERATED
-from r2sego_blender.evaluation.distinct_views import seen_in_training
 from r2sego_blender.evaluation.frozen_pictures import FROZEN_PICTURES
+from r2sego_blender.evaluation.frozen_views import seen_in_training
 from r2sego_blender.evaluation.report_data import Round
 from r2sego_blender.evaluation.scene_causes import CAUSES
 from r2sego_blender.results.status import lines

@@ -16,7 +16,7 @@ from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.core.images import resize
 from r2sego_blender.evaluation.arms import ARMS
 from r2sego_blender.evaluation.figures import save_figure, strip, top_view
-from r2sego_blender.evaluation.scene_evaluation import frozen_views
+from r2sego_blender.evaluation.frozen_views import frozen_views
 from r2sego_blender.geometry.proxy.proxy import PROXY
 from r2sego_blender.splats.formats.ply import load_ply
 from r2sego_blender.splats.rendering.rasterizer import render

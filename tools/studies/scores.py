@@ -13,8 +13,8 @@ from r2sego_blender.captures.store import CAPTURES
 from r2sego_blender.core.images import resize_nearest
 from r2sego_blender.evaluation.exposed_rendering import as_exposed
 from r2sego_blender.evaluation.frozen import score
+from r2sego_blender.evaluation.frozen_views import frozen_views
 from r2sego_blender.evaluation.ground_truth import GroundTruth
-from r2sego_blender.evaluation.scene_evaluation import frozen_views
 from r2sego_blender.evaluation.surfaces.geometry_errors import within
 from r2sego_blender.geometry.estimators.aligned_depth import ESTIMATED
 from r2sego_blender.geometry.proxy.proxy import PROXY

@@ -13,10 +13,10 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..core.printable import printable
+from ...core.printable import printable
 
 if TYPE_CHECKING:
-    from .lpips_network import Lpips
+    from .network import Lpips
 
 WEIGHTS_VARIABLE = "R2SEGO_LPIPS_WEIGHTS"
 BACKBONE_NAMES = ("alexnet*.pth",)
@@ -35,7 +35,7 @@ def find_lpips(folder: Path | None = None) -> tuple[Lpips | None, str]:
         return None, f"AlexNet weights not at hand (no {BACKBONE_NAMES[0]} in {folder})"
     if heads is None:
         return None, f"LPIPS heads not at hand (no {' or '.join(HEADS_NAMES)} in {folder})"
-    from .lpips_network import Lpips
+    from .network import Lpips
 
     try:
         return Lpips.load(backbone, heads), ""

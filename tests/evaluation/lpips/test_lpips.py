@@ -14,9 +14,9 @@ import pytest
 import torch
 from torch import nn
 
-from r2sego_blender.evaluation.lpips import WEIGHTS_VARIABLE, find_lpips
+from r2sego_blender.evaluation.lpips.weights import WEIGHTS_VARIABLE, find_lpips
 
-HEADS = Path(__file__).resolve().parents[2] / "../shared/weights/lpips_lin_alex_v0.1.pth"
+HEADS = Path(__file__).resolve().parents[3] / "../shared/weights/lpips_lin_alex_v0.1.pth"
 WIDTHS = (64, 192, 384, 256, 256)
 
 

@@ -1,4 +1,4 @@
-"""The network of LPIPS-Alex, with the weights that a person gives; see ``lpips``."""
+"""The network of LPIPS-Alex, with the weights that a person gives; see ``weights``."""
 
 from __future__ import annotations
 

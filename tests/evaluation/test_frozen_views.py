@@ -11,7 +11,7 @@ from fake_bundle import cameras, write_bundle
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.store import CAPTURES
 from r2sego_blender.core.errors import EvaluationError
-from r2sego_blender.evaluation.distinct_views import require_distinct, same_view, seen_in_training
+from r2sego_blender.evaluation.frozen_views import require_distinct, same_view, seen_in_training
 from r2sego_blender.generation.ego_views import VIEWS
 from r2sego_blender.generation.view_records import read_views
 from r2sego_blender.views.selection import SELECTION

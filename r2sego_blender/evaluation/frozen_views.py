@@ -1,23 +1,66 @@
-"""Frozen views apart from all that a refinement was shown: its captures, and its retained targets."""
+"""The frozen views of a scene, and whether they stand apart from all that its refinement was shown.
+
+They are read for scoring alone, after the refinement; nothing of them flows back.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from ..bundle.layout import of_round
 from ..bundle.scene import Scene
-from ..captures.capture import Capture
+from ..captures.capture import Capture, DecodedCapture
+from ..captures.frozen import load_frozen_views
+from ..captures.solving.locating import locate_views
+from ..captures.sparse_points import SPARSE
 from ..captures.store import CAPTURES
 from ..core.cameras import Camera, rotation_angle_rad
 from ..core.errors import EvaluationError
+from ..core.progress import SILENT, Progress
 from ..generation.ego_views import VIEWS
 from ..generation.view_records import read_views
+from ..geometry.stereo.stereo import DEPTH
 from ..views.selection import SELECTION
 
 _SAME_PLACE_M, _SAME_TURN_RAD = 0.005, 0.005
 """Poses of one photograph that were found twice differ by as much, such as given and located ones."""
+
+
+def frozen_views(scene: Scene, frozen: Path, progress: Progress = SILENT) -> tuple[Capture, ...]:
+    """The frozen views in the world frame.
+
+    ``frozen`` is a cameras.json, of which the frozen list alone is read, or a folder of held-out photographs, which are
+    located against the captures.
+    """
+    if frozen.is_dir():
+        captures = scene.read(CAPTURES)
+        maps = scene.read(DEPTH).of(captures)
+        h = scene.declaration.settings
+        depths = [np.where(m.reliable(h.stereo), m.depth, 0.0) for m in maps]
+        sparse = scene.read(SPARSE)
+        return locate_views(frozen, captures, sparse, h.captures, depths=depths, seed=h.seed, progress=progress)
+    world_from_capture = np.array(scene.declaration.world_from_capture)
+    return tuple(
+        view.transformed(world_from_capture) for view in load_frozen_views(frozen, captures=scene.read(CAPTURES))
+    )
+
+
+def views_to_score(scene: Scene, frozen: Path, distinct: bool, progress: Progress = SILENT) -> tuple[Capture, ...]:
+    """The frozen views, decoded once for all arms and rounds; those that were trained on are told.
+
+    Raises EvaluationError for one of them where views are to be ``distinct`` (``require_distinct``).
+    """
+    views = tuple(map(DecodedCapture.of, frozen_views(scene, frozen, progress)))
+    if distinct:
+        require_distinct(scene, views)
+    if seen := seen_in_training(scene, views):
+        progress.message(
+            f"{', '.join(seen)}: taken from where a capture was; scores of what was trained on say little", "warning"
+        )
+    return views
 
 
 def same_view(one: Camera, other: Camera) -> bool:
