@@ -16,7 +16,7 @@ from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.captures.store import load_captures
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import SceneError
-from r2sego_blender.evaluation import scene_evaluation, scene_report
+from r2sego_blender.evaluation import arm_scores, scene_evaluation, scene_report
 from r2sego_blender.evaluation.arms import ARMS, GAUSSGYM, INITIAL, REFINED, SAME_POINTS, VANILLA, WITHOUT_GENERATED
 from r2sego_blender.evaluation.frozen_pictures import FROZEN_PICTURES
 from r2sego_blender.evaluation.frozen_views import seen_in_training
@@ -42,7 +42,7 @@ def evaluated(tmp_path, monkeypatch):
     # What is compared with is trained, and rollouts are described, elsewhere; neither is read here.
     (scene.path / ARMS[WITHOUT_GENERATED].asset).parent.mkdir(parents=True)
     monkeypatch.setattr(
-        scene_evaluation,
+        arm_scores,
         "train_arms",
         lambda scene, progress, arms: [
             save_ply(scene.path / ARMS[arm].asset, splats(0.9)) for arm in TRAINED if arm in arms

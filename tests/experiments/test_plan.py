@@ -39,6 +39,15 @@ def test_settings_are_those_of_preset_overrides_and_seed(plan_file):
     assert one.name == "short" and one.settings(4) == expected
 
 
+def test_where_nothing_is_refined_methods_of_others_alone_are_compared(plan_file):
+    arms = 'arms = ["same_points", "refined", "without_generated_views", "vanilla_3dgs"]\n'
+    every = load(plan_file, "counts = [3, 5, 9]\n" + arms + SCENE)
+    assert {every.arms_at(count) for count in every.counts} == {every.arms}
+    first = load(plan_file, "counts = [3, 5, 9]\nrefined_counts = [3]\n" + arms + SCENE)
+    assert first.arms_at(3) == every.arms
+    assert first.arms_at(5) == first.arms_at(9) == ("same_points", "vanilla_3dgs")
+
+
 @pytest.mark.parametrize(
     ("written", "given"), [("1.587", "1.587"), ('"1.5"', "1.5"), ('"robot"', "robot"), ("2", "2.0")]
 )
@@ -54,6 +63,8 @@ def test_a_camera_height_is_a_number_or_a_word(plan_file, written, given):
         ("arms = []\n" + SCENE, "arms", "same_points"),
         ("counts = [2]\n" + SCENE, "counts[0]", "from 3"),
         ("counts = [3, 3]\n" + SCENE, "counts has 3 twice", "once"),
+        ("counts = [3]\nrefined_counts = [5]\n" + SCENE, "refined_counts has 5", "of the counts"),
+        ('counts = [3]\nrefined_counts = [3]\narms = ["refined"]\n' + SCENE, "refined_counts", "methods of others"),
         ("seeds = []\n" + SCENE, "seeds is empty", "at least one"),
         ("seeds = [-1]\n" + SCENE, "seeds[0]", "from 0"),
         ("counts = [6]\n", "scenes is empty", "at least one"),

@@ -14,15 +14,18 @@ from click.testing import CliRunner
 from fake_experiment import PROGRAM, finished
 from small_bundle import bundle, splats
 
+from r2sego_blender.bundle.figures import BASELINE_METRICS, METRICS
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.commands.cli import main
 from r2sego_blender.config.settings import CaptureSettings
 from r2sego_blender.core.digests import content_digest
-from r2sego_blender.core.errors import R2SEgoError
+from r2sego_blender.core.errors import R2SEgoError, SettingsError
 from r2sego_blender.core.file_locks import try_lock
 from r2sego_blender.core.images import load_image, resize, save_image
+from r2sego_blender.evaluation.baselines import evaluate_baselines
 from r2sego_blender.experiments.cells import cells_of
 from r2sego_blender.experiments.inputs import fixed_inputs
+from r2sego_blender.experiments.plan import Plan
 from r2sego_blender.experiments.records import read_record
 from r2sego_blender.experiments.running import LOCK, copy_bundle, run_cell
 from r2sego_blender.refine.creation import create_scene
@@ -94,6 +97,20 @@ def test_a_cell_that_two_processes_are_given_is_done_once(cells, control):
     assert run_cell(changed, PROGRAM).record.key == "another" and len(finished(control, "evaluate")) == 2
 
 
+def test_a_cell_of_methods_of_others_alone_is_not_refined(plan_file, control, tmp_path):
+    plan_file.write_text(plan_file.read_text().replace("counts = [3, 5]", "counts = [3, 5]\nrefined_counts = [3]"))
+    plan = Plan.load(plan_file)
+    made = cells_of(plan, fixed_inputs(plan, tmp_path / "out", write=False), tmp_path / "out")
+    records = {cell: run_cell(cell, PROGRAM).record for cell in made}
+    for cell, record in records.items():
+        assert set(record.arms) == set(cell.arms) and cell.refined == (cell.captures == 3)
+        assert [stage.name for stage in record.stages if stage.name != "new"] == (
+            ["refine", "evaluate"] if cell.refined else ["evaluate"]
+        )
+        assert (cell.bundle / "asset.ply").is_file() == cell.refined
+    assert len(finished(control, "refine")) == sum(cell.refined for cell in made) == 2
+
+
 def test_a_cell_that_another_process_keeps_is_told(cells):
     cells[0].folder.mkdir(parents=True)
     with (cells[0].folder / LOCK).open("ab") as file:
@@ -149,6 +166,20 @@ def test_the_demo_room_goes_from_photographs_to_a_table(tmp_path):
     assert by_arm["refined"]["assets"]["asset.ply"] == content_digest(scene.asset_file)
     assert all(np.isfinite(entry["seconds"]) and len(entry["views"]) == 2 for entry in entries)
     assert os.name == "nt" or 100.0 < by_arm["refined"]["peak_mb"] < 4000.0
+
+    # Methods of others alone have the same scores, of a scene that is not refined.
+    copy_bundle(tmp_path / "out/imports/room/3.r2s", tmp_path / "unrefined.r2s")
+    declared = scene.declaration
+    unrefined = Scene.open(tmp_path / "unrefined.r2s").declare(preset=declared.preset, overrides=declared.overrides)
+    alone = evaluate_baselines(unrefined, tmp_path / "room/cameras.json", arms=["same_points"], distinct=True)
+    figures = ("psnr", "ssim", "lpips_alex")
+    assert {key: alone["arms"]["same_points"][key] for key in figures} == {
+        key: scored["same_points"][key] for key in figures
+    }
+    assert unrefined.read(BASELINE_METRICS) == alone and not unrefined.read(METRICS)
+    assert not unrefined.asset_file.exists() and not (unrefined.path / "rounds").exists()
+    with pytest.raises(SettingsError, match="refined takes a refinement"):
+        evaluate_baselines(unrefined, tmp_path / "room/cameras.json", arms=["refined"])
 
     # What cells share is what each would have made for itself.
     settings = CaptureSettings(matcher="sift", refine_poses="never")

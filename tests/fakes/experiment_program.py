@@ -59,13 +59,17 @@ def refine(bundle):
         (CONTROL / f"waiting-{os.getpid()}").touch()
         while not (CONTROL / "hold").is_file():
             time.sleep(0.02)
+    (bundle / "asset.ply").write_text(json.dumps(described(bundle)))
+
+
+def described(bundle):
     declared = tomllib.loads((bundle / "scene.toml").read_text())["settings"]
-    captures = sorted(file.name for file in (bundle / "captures").iterdir())
-    (bundle / "asset.ply").write_text(json.dumps([declared, captures]))
+    return declared, sorted(file.name for file in (bundle / "captures").iterdir())
 
 
 def evaluate(bundle):
-    declared, captures = json.loads((bundle / "asset.ply").read_text())
+    baselines_only = "--baselines-only" in sys.argv
+    declared, captures = described(bundle) if baselines_only else json.loads((bundle / "asset.ply").read_text())
     seed, frozen = declared["overrides"]["seed"], sorted(Path(option("--frozen")).glob("*.png"))
     arms = {}
     for index, arm in enumerate(option("--arms").split(",")):
@@ -85,7 +89,7 @@ def evaluate(bundle):
     (bundle / "report").mkdir(exist_ok=True)
     not_scored = {arm: "not set up" for arm in os.environ.get("FAKE_NOT_SCORED", "").split(",") if arms.pop(arm, None)}
     told = {"arms": arms, "assets": {"asset.ply": str(captures)}, "not_scored": not_scored}
-    (bundle / "report/metrics.json").write_text(json.dumps(told))
+    (bundle / "report" / ("baselines.json" if baselines_only else "metrics.json")).write_text(json.dumps(told))
 
 
 if __name__ == "__main__":

@@ -23,12 +23,13 @@ from r2sego_blender.captures.store import load_captures
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import EvaluationError, MachineError, NativeError
 from r2sego_blender.core.images import save_image, to_uint8
-from r2sego_blender.evaluation import scene_evaluation, scene_report
+from r2sego_blender.evaluation import arm_scores, scene_evaluation, scene_report
 from r2sego_blender.evaluation.arms import ARMS, DIFIX3D_PLUS, GAUSSGYM, GENFUSION, REFINED
 from r2sego_blender.evaluation.exposed_rendering import as_exposed
 from r2sego_blender.evaluation.external_arms import difix3d_plus, external_views
 from r2sego_blender.evaluation.external_arms import genfusion as genfusion_arm
 from r2sego_blender.evaluation.external_arms.external_views import METHODS, ExternalViews
+from r2sego_blender.evaluation.frozen_views import frozen_views
 from r2sego_blender.evaluation.report_data import Round
 from r2sego_blender.geometry.stereo.observed_geometry import ObservedGeometry
 from r2sego_blender.splats.formats.ply import load_made, save_ply
@@ -64,7 +65,7 @@ def scene(tmp_path, monkeypatch):
             (scene.path / "report").mkdir(exist_ok=True)
             save_ply(scene.path / ARMS[GAUSSGYM].asset, splats(0.9))
 
-    monkeypatch.setattr(scene_evaluation, "train_arms", train)
+    monkeypatch.setattr(arm_scores, "train_arms", train)
     monkeypatch.setattr(scene_report, "_round", lambda scene, index, influence: Round(index))
     return made
 
@@ -122,7 +123,7 @@ def test_difix3d_plus_fixes_the_gaussgym_conditions_pictures_with_the_nearest_ca
 
     captures = load_captures(scene.captures_folder)
     shown = as_exposed(load_made(scene.path / ARMS[GAUSSGYM].asset), captures)
-    views = scene_evaluation.frozen_views(scene, frozen)
+    views = frozen_views(scene, frozen)
     made = ExternalViews.load(scene.path / ARMS[DIFIX3D_PLUS].views)
     for view, nearest in zip(views, (0, 1), strict=True):
         mixed = 0.5 * np.clip(shown(view.camera).colour, 0.0, 1.0) + 0.5 * captures[nearest].image()
@@ -135,7 +136,7 @@ def test_genfusion_is_given_cameras_and_points_and_no_photograph_of_a_view(scene
     assert not metrics["not_scored"], metrics["not_scored"]
     assert metrics["arms"][GENFUSION]["backend"].startswith("GenFusion (epoch=59-step=34000.ckpt), weights ")
     made = ExternalViews.load(scene.path / ARMS[GENFUSION].views)
-    for view in scene_evaluation.frozen_views(scene, frozen):
+    for view in frozen_views(scene, frozen):
         camera = view.camera
         v, u = np.mgrid[: camera.height, : camera.width] + 0.5
         blue = np.full(camera.shape, camera.centre @ (0.3, 0.2, 0.1))
@@ -144,7 +145,7 @@ def test_genfusion_is_given_cameras_and_points_and_no_photograph_of_a_view(scene
 
 
 def test_what_was_shown_is_asked_again_only_where_something_changed(scene, frozen, with_genfusion, monkeypatch):
-    views = scene_evaluation.frozen_views(scene, frozen)
+    views = frozen_views(scene, frozen)
     first = external_views.external_views(scene, GENFUSION, views)
     monkeypatch.setattr(external_views, "ask", None)  # whoever asks now fails
     again = external_views.external_views(scene, GENFUSION, views)
@@ -164,8 +165,8 @@ def test_a_method_that_breaks_costs_its_own_arm_alone_and_is_told_with_its_last_
 def test_weights_that_are_not_there_are_named(scene, frozen, with_difix3d, with_genfusion):
     (with_difix3d / "huggingface_hub" / "weights.bin").unlink()
     (with_genfusion / genfusion.FOLDER / genfusion.CHECKPOINT).unlink()
-    views = scene_evaluation.frozen_views(scene, frozen)
-    scene_evaluation.train_arms(scene, ProgressRecorder(), (GAUSSGYM,))
+    views = frozen_views(scene, frozen)
+    arm_scores.train_arms(scene, ProgressRecorder(), (GAUSSGYM,))
     with pytest.raises(MachineError, match="nvidia/difix_ref"):
         external_views.external_views(scene, DIFIX3D_PLUS, views)
     with pytest.raises(MachineError) as error:
@@ -184,7 +185,7 @@ def test_pictures_of_another_size_are_refused(scene, frozen, with_genfusion):
     render = with_genfusion / genfusion.FOLDER / "render.py"
     render.write_text(render.read_text().replace(".save(shown / name)", '.save(shown / ("x" + name))'))
     with pytest.raises(NativeError):
-        external_views.external_views(scene, GENFUSION, scene_evaluation.frozen_views(scene, frozen))
+        external_views.external_views(scene, GENFUSION, frozen_views(scene, frozen))
 
 
 def test_pictures_are_kept_with_their_names_and_their_backend(tmp_path):
