@@ -14,6 +14,7 @@ from .overlap import Matched
 # takes the pattern of a wallpaper for one place, by hundreds of matches that fit together. Pairs that overlap
 # share a few distinct features at least: more than two are no chance.
 _LEAST_DISTINCT = 3
+_PLENTY = 100  # so many of SIFT's matches in a pair are no mistake
 # In shares of the longest side: how near to a match a distinct one begins, and how alike it moves.
 _BESIDE, _ALIKE = 0.03, 0.015
 
@@ -34,6 +35,15 @@ def without_repetition(found: Matched, by_sift: Matched, sizes: Sequence[tuple[i
         if _distinct_beside(ends, others, max(sizes[i])) >= _LEAST_DISTINCT:
             pairs[i, j] = matches
     return Matched(found.features, pairs)
+
+
+def confirmed_sift(by_sift: Matched, found: Matched) -> Matched:
+    """The pairs of ``by_sift`` that ``found`` has too, or that have plenty of matches.
+
+    Corners of a pattern pass the ratio test here and there, by a few dozen matches that lie on one wall.
+    """
+    pairs = {pair: rows for pair, rows in by_sift.pairs.items() if pair in found.pairs or len(rows) >= _PLENTY}
+    return Matched(by_sift.features, pairs)
 
 
 def _distinct_beside(

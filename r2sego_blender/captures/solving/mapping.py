@@ -1,4 +1,4 @@
-"""Incremental mapping of matched photographs with COLMAP, in a child process: which register, and where.
+"""Incremental and global mapping of matched photographs with COLMAP, in a child process: which register, and where.
 
 A model is a list of images as JSON: ``index`` of the photograph, ``camera`` (``camera_to_json``) and
 ``camera_from_world`` (3, 4).
@@ -19,6 +19,7 @@ from ..matching.features import Features, epipolar_errors
 from ..matching.overlap import Matched, load_matches, write_database
 from ..poses.colmap_model import camera_to_json, lens_from_json
 from ..poses.photographs import MIN_CAPTURES
+from .place_certainty import place_deviations
 from .solved_lenses import can_be_undone, with_lenses_that_can_be_undone
 from .starting_lenses import cameras_of_their_own, solved_cameras, starting_cameras
 
@@ -46,6 +47,10 @@ _TRIES = (_Try(100, 16.0, 30), _Try(100, 16.0, 15), _Try(50, 8.0, 15), _Try(30, 
 # Through a lens that is known, eight points place a photograph, and points that two photographs alone
 # see count too. Without it they bend the lens to their mistakes.
 _HELD = _Try(30, 4.0, 8)
+# Global positioning begins at random: one of so many begins ends where most matches agree.
+_GLOBAL_BEGINS = 8
+# In shares of how far places spread: from here on a place is not told. Told ones have 0.02.
+_MOST_DEVIATION = 0.2
 # Of the reprojection error under a shared lens, what lenses of their own may leave: right ones
 # leave 0.95 of it, and 0.1 where some photographs are zoomed.
 _CLEARLY_LOWER = 0.75
@@ -63,7 +68,8 @@ def map_in_child(request: dict[str, Any]) -> dict[str, Any]:
     """``models`` of photographs, and whether the matches have ``determined`` their lens; runs in a child process.
 
     The request holds ``folder`` with ``matches.npz``, the photographs' ``paths`` and ``sizes``, and ``min_matches``;
-    ``lens_from``, a model, holds its lenses as they are; ``compare`` asks whether the lens is determined, where
+    ``lens_from``, a model, holds its lenses as they are, and ``globally`` has all that pairs join placed at once
+    through them; ``compare`` asks whether the lens is determined, where
     all that have matches register.
     """
     os.chdir(request["folder"])  # Windows' COLMAP opens no database by a path of letters beyond the system's
@@ -73,6 +79,8 @@ def map_in_child(request: dict[str, Any]) -> dict[str, Any]:
     shared = starting_cameras(request["paths"], request["sizes"])
     if request["lens_from"]:
         lenses = solved_cameras(*shared, request["lens_from"])
+        if request["globally"]:
+            return {"models": _mapped_globally(folder / "global", lenses, matched, min_matches), "determined": True}
         return {"models": _mapped(folder / "held", lenses, matched, min_matches, held=True).models, "determined": True}
     best = _mapped(folder / "shared", shared, matched, min_matches)
     most = _photographs_with_matches(matched)
@@ -132,19 +140,8 @@ def _mapped(
     folder: Path, lenses: tuple[list[Any], list[int]], matched: Matched, min_matches: int, held: bool = False
 ) -> _Mapped:
     """The models of the try that registers most photographs; ``held`` lenses stay as they are."""
-    pycolmap = load_pycolmap()
-    folder.mkdir()
-    database = folder / "database.db"
-    names = [f"{index:06d}" for index in range(len(matched.features))]
-    ids = write_database(database, *lenses, names, *matched, verified=False)
-    verification = pycolmap.TwoViewGeometryOptions(min_num_inliers=min_matches)
-    verification.ransac.random_seed = 0
-    pycolmap.set_random_seed(0)
-    pycolmap.geometric_verification(
-        database, pycolmap.GeometricVerifierOptions(num_threads=1), two_view_geometry_options=verification
-    )
-    _require_depth(database, len(names))
-    index_of = {image_id: index for index, image_id in enumerate(ids)}
+    database, index_of = _verified(folder, lenses, matched, min_matches)
+    _require_depth(database, len(matched.features))
     best = _Mapped([])
     most = _photographs_with_matches(matched)
     for attempt, one in enumerate((_HELD,) if held else _TRIES):
@@ -156,6 +153,58 @@ def _mapped(
         if best.registered == most:
             break
     return best
+
+
+def _mapped_globally(
+    folder: Path, lenses: tuple[list[Any], list[int]], matched: Matched, min_matches: int
+) -> list[Images]:
+    """The models of global mapping (Pan and others, "Global Structure-from-Motion Revisited", ECCV 2024), through
+    lenses as they are, of the begin with which most matches agree.
+
+    Rotations are averaged over all pairs, and points of two photographs count for places: groups that no point of
+    three photographs joins are joined where their pairs close a loop.
+    """
+    pycolmap = load_pycolmap()
+    database, index_of = _verified(folder, lenses, matched, min_matches)
+    options = pycolmap.GlobalPipelineOptions(num_threads=1, min_num_matches=min_matches, min_model_size=MIN_CAPTURES)
+    mapper = options.mapper
+    mapper.num_threads = 1
+    mapper.track_min_num_views_per_track = mapper.global_positioning.min_num_view_per_track = 2
+    mapper.bundle_adjustment.min_track_length = 2
+    mapper.retriangulation.ignore_two_view_tracks = False
+    mapper.bundle_adjustment.refine_focal_length = mapper.bundle_adjustment.refine_extra_params = False
+    mapper.global_positioning.use_gpu = mapper.bundle_adjustment.ceres.use_gpu = False
+    best: tuple[int, list[Images]] = (0, [])
+    for begin in range(_GLOBAL_BEGINS):
+        output = folder / f"models{begin}"
+        output.mkdir()
+        for seeded in (options, mapper, mapper.rotation_averaging, mapper.global_positioning, mapper.retriangulation):
+            seeded.random_seed = begin
+        pycolmap.set_random_seed(begin)
+        found = pycolmap.global_mapping(database, output, output, options).values()
+        models = [_images(with_lenses_that_can_be_undone(one), index_of) for one in found]
+        models = sorted((_told(_trustworthy(one, matched), matched) for one in models), key=len, reverse=True)
+        counts = agreements(models[0], matched, _AGREEMENT_PX) if models else {}
+        best = max(best, (sum(int(agree) for agree, _ in counts.values()), models), key=lambda pair: pair[0])
+    return best[1]
+
+
+def _verified(
+    folder: Path, lenses: tuple[list[Any], list[int]], matched: Matched, min_matches: int
+) -> tuple[Path, dict[int, int]]:
+    """A database in a new folder with the geometry of each pair; and the photographs by COLMAP's number."""
+    pycolmap = load_pycolmap()
+    folder.mkdir()
+    database = folder / "database.db"
+    names = [f"{index:06d}" for index in range(len(matched.features))]
+    ids = write_database(database, *lenses, names, *matched, verified=False)
+    verification = pycolmap.TwoViewGeometryOptions(min_num_inliers=min_matches)
+    verification.ransac.random_seed = 0
+    pycolmap.set_random_seed(0)
+    pycolmap.geometric_verification(
+        database, pycolmap.GeometricVerifierOptions(num_threads=1), two_view_geometry_options=verification
+    )
+    return database, {image_id: index for index, image_id in enumerate(ids)}
 
 
 def _require_depth(database: Path, count: int) -> None:
@@ -213,6 +262,18 @@ def _images(model: Any, index_of: dict[int, int]) -> Images:
         for index, image in sorted(images.items())
         if can_be_undone(image.camera)
     ]
+
+
+def _told(images: Images, matched: Matched) -> Images:
+    """Those of a model whose places its matches tell, each in one scale with the others."""
+    while images:
+        views = {image["index"]: _pinhole_view(image, matched.features[image["index"]]) for image in images}
+        deviations = place_deviations(views, matched, _AGREEMENT_PX)
+        worst = max(deviations, key=lambda index: deviations[index])
+        if deviations[worst] <= _MOST_DEVIATION:
+            break
+        images = [image for image in images if image["index"] != worst]
+    return images
 
 
 def _trustworthy(images: Images, matched: Matched) -> Images:

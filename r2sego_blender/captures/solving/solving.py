@@ -19,7 +19,7 @@ from ...workers.child import call_in_child
 from ..keyframes.choosing import photograph_keyframes
 from ..matching.features import Features, sift
 from ..matching.overlap import Matched, match_all, save_matches
-from ..matching.repetition import without_repetition
+from ..matching.repetition import confirmed_sift, without_repetition
 from ..matching.xfeat import LEAST_EXPECTED, NAME, match_xfeat, runs
 from ..poses.colmap_model import lens_from_json
 from ..poses.photographs import MIN_CAPTURES, Photograph
@@ -30,11 +30,13 @@ from .starting_lenses import focal_of_exif
 _MIN_REGISTERED_SHARE = 0.6
 # EXIF rounds focal lengths, and a solved one is as good: more than this tells another picture.
 _EXIF_AGREES = 0.1
-_PLENTY = 100  # so many of SIFT's matches in a pair are no mistake
 # By their matches within this share of the longest side, models with right and with wrong lenses or poses tell
 # apart: 87 of 100 to 71, where photographs are turned more than moved; 64 to 43, where a third is misplaced.
 _AGREES = 0.002
 _CLEARLY_MORE = 1.02  # SIFT's own model is the most exact of those that agree as well
+# Of the matches that agree, what groups that global mapping joins have beyond the first: single photographs, which
+# are placed better by points than by directions, have less.
+_JOINS = 1.1
 _TIMEOUT_S = 3600.0
 
 
@@ -121,7 +123,7 @@ class _Photographs(NamedTuple):
         return self.extended(found, matched)
 
     def solved_wider(self, by_sift: Matched, found: _Solved) -> tuple[_Solved, Matched]:
-        """With XFeat's matches, if clearly more of all matches agree with it; and the matches that it is from."""
+        """With XFeat's matches and SIFT's that these confirm, as most of all agree; and the matches that it is from."""
         further = match_xfeat(
             [_sized(path, self.settings) for path in self.paths],
             list(combinations(range(len(self.paths)), 2)),
@@ -134,14 +136,13 @@ class _Photographs(NamedTuple):
             further = without_repetition(further, by_sift, self.sizes, self.settings.match_ratio)
         if further is None or not further.pairs:
             return found, by_sift
-        every = by_sift.beside(further)
-        sure = {pair: rows for pair, rows in by_sift.pairs.items() if pair in further.pairs or len(rows) >= _PLENTY}
-        # SIFT's matches are three times as exact where they are right.
-        beside = Matched(by_sift.features, sure).beside(further)
-        best, agreeing = (found, by_sift), self.agreeing(found.best, every)
-        for matched, words in ((beside, f"{NAME} and SIFT"), (further, NAME)):
+        confirmed = confirmed_sift(by_sift, further)
+        every = confirmed.beside(further)
+        best, agreeing = (found, by_sift), 0
+        both, alone = f", matched with {NAME} and SIFT", f", matched with {NAME}"
+        for matched, words in ((every, both), (further, alone), (confirmed, "")):
             with contextlib.suppress(CaptureError):
-                again = self.mapped(matched)._replace(matched_by=f", matched with {words}")
+                again = self.mapped(matched, compare=not words)._replace(matched_by=words)
                 more = self.agreeing(again.best, every)
                 if more > _CLEARLY_MORE * agreeing:
                     best, agreeing = (again, matched), more
@@ -153,18 +154,23 @@ class _Photographs(NamedTuple):
         """With the photographs that only a known lens can place, through that of ``found``."""
         if len(found.best) < MIN_CAPTURES or self.all_of(found):
             return found
-        with contextlib.suppress(CaptureError):
-            more = self.mapped(matched, lens_from=found.best)
-            agree = self.agreeing(more.best, matched) > self.agreeing(found.best, matched)
-            if agree and len(more.best) > len(found.best):
-                before = {image["index"] for image in found.best}
-                added = [self.paths[image["index"]].name for image in more.best if image["index"] not in before]
-                self.progress.message(
-                    f"{', '.join(added)}: placed by few points, for hardly any third photograph shows what they share "
-                    "with their neighbour; one more beside it would make them exact"
-                )
-                return found._replace(models=more.models)
-        return found
+        best, agreeing = found, self.agreeing(found.best, matched)
+        for globally, clearly in ((False, 1.0), (True, _JOINS)):
+            with contextlib.suppress(CaptureError):
+                more = self.mapped(matched, lens_from=found.best, globally=globally)
+                agree = self.agreeing(more.best, matched)
+                if len(more.best) > len(best.best) and agree > clearly * agreeing:
+                    best, agreeing = best._replace(models=more.models), agree
+            if self.all_of(best):
+                break
+        before = {image["index"] for image in found.best}
+        added = [self.paths[image["index"]].name for image in best.best if image["index"] not in before]
+        if added:
+            self.progress.message(
+                f"{', '.join(added)}: placed by few points, for hardly any third photograph shows what they share "
+                "with their neighbour; one more beside it would make them exact"
+            )
+        return best
 
     def all_of(self, found: _Solved) -> bool:
         return len(found.best) == len(self.paths)
@@ -175,7 +181,9 @@ class _Photographs(NamedTuple):
         counts = agreements(images, matched, _AGREES * longest) if images else {}
         return sum(int(agreeing) for agreeing, _ in counts.values())
 
-    def mapped(self, matched: Matched, lens_from: Images | None = None, compare: bool = False) -> _Solved:
+    def mapped(
+        self, matched: Matched, lens_from: Images | None = None, globally: bool = False, compare: bool = False
+    ) -> _Solved:
         """The models of ``map_in_child``."""
         if not matched.pairs:
             raise CaptureError(
@@ -191,6 +199,7 @@ class _Photographs(NamedTuple):
                 "sizes": self.sizes,
                 "min_matches": self.settings.min_matches,
                 "lens_from": lens_from,
+                "globally": globally,
                 "compare": compare,
             }
             found = call_in_child(map_in_child, request, timeout_s=_TIMEOUT_S)

@@ -7,7 +7,7 @@ import pytest
 
 from r2sego_blender.captures.matching.features import Features, match
 from r2sego_blender.captures.matching.overlap import Matched
-from r2sego_blender.captures.matching.repetition import without_repetition
+from r2sego_blender.captures.matching.repetition import confirmed_sift, without_repetition
 
 SIZE, SHIFT = (400, 300), np.array([60.0, -8.0])
 NONE = np.zeros((0, 128), np.uint8)
@@ -53,3 +53,12 @@ def test_photographs_without_features_confirm_nothing(rng):
     _, found = _pair(rng, 40, SHIFT)
     empty = [Features(np.zeros((0, 2), np.float32), NONE)] * 2
     assert not without_repetition(found, Matched(empty, {}), [SIZE] * 2, 0.8).pairs
+
+
+def test_few_matches_of_sift_count_where_another_matcher_found_the_pair_too(rng):
+    sift, found = _pair(rng, 40, SHIFT)
+    rows = {count: np.stack([rng.integers(0, 80, count)] * 2, axis=1).astype(np.int32) for count in (15, 99, 100)}
+    by_sift = Matched([*sift, *sift], {(0, 1): rows[15], (0, 2): rows[99], (0, 3): rows[100]})
+    told = confirmed_sift(by_sift, found)
+    assert list(told.pairs) == [(0, 1), (0, 3)] and told.features is by_sift.features
+    assert told.pairs[0, 1] is by_sift.pairs[0, 1]

@@ -53,7 +53,7 @@ def _matched(rng, cameras, groups, noise_px=0.2):
 def mapped(tmp_path, blank_photograph):
     paths = [str(blank_photograph(tmp_path / f"{index}.png", 40, 30)) for index in range(6)]
 
-    def ask(matched, lens_from=None, compare=False):
+    def ask(matched, lens_from=None, globally=False, compare=False):
         save_matches(tmp_path / "matches.npz", *matched)
         count = len(matched.features)
         request = {
@@ -61,6 +61,7 @@ def mapped(tmp_path, blank_photograph):
             "sizes": [(400, 300)] * count,
             "min_matches": 15,
             "lens_from": lens_from,
+            "globally": globally,
             "compare": compare,
         }
         folder = tmp_path / f"ask{len(list(tmp_path.iterdir()))}"
@@ -73,6 +74,10 @@ def mapped(tmp_path, blank_photograph):
 
 def _cameras(sixth=((1.5, -1.3, 1.5), (-1.5, 2.0, 1.0))):
     return [LENS.at(look_at(place, (0.1, 0.6, 0.55))) for place in ARC] + [LENS.at(look_at(*sixth))]
+
+
+def _distance(images, i, j):
+    return np.linalg.norm(_relative(images, i, j)[:3, 3])
 
 
 def _relative(images, i, j):
@@ -95,6 +100,24 @@ def test_through_a_lens_that_is_known_ten_points_place_a_photograph(rng, mapped)
     unit = np.linalg.norm((cameras[0].camera_from_world @ cameras[4].world_from_camera)[:3, 3])
     unit /= np.linalg.norm(_relative(held, 0, 4)[:3, 3])
     assert np.linalg.norm(found[:3, 3] * unit - true[:3, 3]) < 0.03 * np.linalg.norm(true[:3, 3])
+
+
+def test_groups_that_no_point_of_three_photographs_joins_are_joined_by_a_loop_of_pairs(rng, mapped):
+    """One pair tells a direction and no length between groups; two tell both, and global mapping places all."""
+    cameras = _cameras()
+    groups = [((0, 1, 2), 250), ((3, 4, 5), 250), ((2, 3), 150)]
+    loop = _matched(rng, cameras, [*groups, ((0, 5), 150)])
+    alone = mapped(loop)["models"]
+    assert sorted(len(model) for model in alone) == [3, 3]
+    (joined,) = mapped(loop, lens_from=alone[0], globally=True)["models"]
+    assert [one["index"] for one in joined] == [0, 1, 2, 3, 4, 5]
+    scale = _distance(joined, 0, 2) / np.linalg.norm(cameras[0].centre - cameras[2].centre)
+    for i, j in ((0, 5), (2, 3), (3, 5), (1, 4)):
+        true = cameras[i].camera_from_world @ cameras[j].world_from_camera
+        assert np.degrees(rotation_angle_rad(_relative(joined, i, j), true)) < 0.5
+        assert _distance(joined, i, j) == pytest.approx(scale * np.linalg.norm(true[:3, 3]), rel=0.05)
+    open_chain = mapped(_matched(rng, cameras, groups), lens_from=alone[0], globally=True)["models"]
+    assert all(len(model) <= 3 for model in open_chain)
 
 
 def test_cameras_that_turn_determine_the_lens_and_those_that_only_move_do_not(rng, mapped):
