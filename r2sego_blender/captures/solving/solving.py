@@ -152,18 +152,19 @@ class _Photographs(NamedTuple):
 
     def extended(self, found: _Solved, matched: Matched) -> _Solved:
         """With the photographs that only a known lens can place, through that of ``found``."""
-        if len(found.best) < MIN_CAPTURES or self.all_of(found):
+        before = {image["index"] for image in found.best}
+        outside = sum(2 * len(rows) for pair, rows in matched.pairs.items() if not before.issuperset(pair))
+        if len(found.best) < MIN_CAPTURES or not outside:
             return found
         best, agreeing = found, self.agreeing(found.best, matched)
         for globally, clearly in ((False, 1.0), (True, _JOINS)):
+            if self.all_of(best) or agreeing + outside < clearly * agreeing:
+                break
             with contextlib.suppress(CaptureError):
                 more = self.mapped(matched, lens_from=found.best, globally=globally)
                 agree = self.agreeing(more.best, matched)
                 if len(more.best) > len(best.best) and agree > clearly * agreeing:
                     best, agreeing = best._replace(models=more.models), agree
-            if self.all_of(best):
-                break
-        before = {image["index"] for image in found.best}
         added = [self.paths[image["index"]].name for image in best.best if image["index"] not in before]
         if added:
             self.progress.message(
