@@ -41,8 +41,8 @@ def confirmed_sift(by_sift: Matched, found: Matched) -> Matched:
     """The pairs of ``by_sift`` that ``found`` has too, or that have plenty of matches; of others those with a neighbour
     in common by such pairs, and all of a photograph that has no such pair.
 
-    Corners of a pattern pass the ratio test here and there, by a few dozen matches that lie on one wall: they contradict
-    where a photograph is by its sure pairs.
+    Corners of a pattern pass the ratio test here and there, by a few dozen matches that lie on one wall, which
+    contradict where a photograph is by its sure pairs.
     """
     sure = {pair for pair, rows in by_sift.pairs.items() if len(rows) >= _PLENTY} | found.pairs.keys()
     beside: dict[int, set[int]] = {}
