@@ -38,22 +38,14 @@ def without_repetition(found: Matched, by_sift: Matched, sizes: Sequence[tuple[i
 
 
 def confirmed_sift(by_sift: Matched, found: Matched) -> Matched:
-    """The pairs of ``by_sift`` that ``found`` has too, or that have plenty of matches; of others those with a neighbour
-    in common by such pairs, and all of a photograph that has no such pair.
+    """The pairs of ``by_sift`` that ``found`` has too, or that have plenty of matches; and all of a photograph that has
+    no such pair, which nothing surer contradicts.
 
-    Corners of a pattern pass the ratio test here and there, by a few dozen matches that lie on one wall, which
-    contradict where a photograph is by its sure pairs.
+    Corners of a pattern pass the ratio test here and there, by a few dozen matches that lie on one wall.
     """
     sure = {pair for pair, rows in by_sift.pairs.items() if len(rows) >= _PLENTY} | found.pairs.keys()
-    beside: dict[int, set[int]] = {}
-    for i, j in sure:
-        beside.setdefault(i, set()).add(j)
-        beside.setdefault(j, set()).add(i)
-    pairs = {
-        (i, j): rows
-        for (i, j), rows in by_sift.pairs.items()
-        if (i, j) in sure or not (i in beside and j in beside) or beside[i] & beside[j]
-    }
+    placed = {index for pair in sure for index in pair}
+    pairs = {pair: rows for pair, rows in by_sift.pairs.items() if pair in sure or not placed.issuperset(pair)}
     return Matched(by_sift.features, pairs)
 
 
