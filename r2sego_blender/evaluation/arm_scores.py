@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from ..bundle.layout import of_round
 from ..bundle.scene import Scene
 from ..captures.capture import Capture
 from ..captures.store import CAPTURES
@@ -67,6 +68,14 @@ def score_arms(scene: Scene, arms: Sequence[str], views: Sequence[Capture], prog
         )
         scores[arm] = replace(scored, backend=made.told if made else "")
     return ScoredArms(scores, renderings, depths, not_scored)
+
+
+def asset_digests(scene: Scene, arms: Iterable[str], rounds: bool = False) -> dict[str, str]:
+    """The arms' assets, and those of all rounds, as they are now: what changes later is not what was scored."""
+    count = scene.declaration.settings.rounds if rounds else 0
+    names = (*(ARMS[arm].asset for arm in arms), *(of_round(index, "asset.ply") for index in range(count)))
+    outputs = scene.outputs()
+    return {name: outputs[name] for name in names if name in outputs}
 
 
 def arm_lines(arms: Mapping[str, Mapping[str, Any]]) -> list[str]:

@@ -11,7 +11,7 @@ from ..bundle.scene import Scene
 from ..core.errors import SettingsError
 from ..core.progress import SILENT, Progress
 from ..geometry.stereo.observed_geometry import OBSERVED
-from .arm_scores import arm_lines, not_scored_lines, score_arms
+from .arm_scores import arm_lines, asset_digests, not_scored_lines, score_arms
 from .arms import ARMS, DEFAULT_ARMS
 from .frozen_views import views_to_score
 from .metrics_file import write_metrics
@@ -42,11 +42,10 @@ def evaluate_baselines(
         refine(scene, progress, until=OBSERVED.name)
         views = views_to_score(scene, frozen, distinct, progress)
         scored = score_arms(scene, tuple(arm for arm in ARMS if arm in arms), views, progress)
-        outputs = scene.outputs()
         return write_metrics(
             scene.made_folder(scene.report_folder.name) / Path(BASELINE_METRICS.name).name,
             scored.scores,
-            assets={ARMS[arm].asset: outputs[ARMS[arm].asset] for arm in scored.scores if ARMS[arm].asset in outputs},
+            assets=asset_digests(scene, scored.scores),
             not_scored=scored.not_scored,
         )
 

@@ -1,11 +1,8 @@
-"""Scoring a scene on frozen views: its arms, and every round.
-
-Frozen views are read here alone, after the refinement; nothing of them flows back.
-"""
+"""Scoring a refined scene on its frozen views: its arms, and every round."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +10,13 @@ import numpy as np
 
 from ..bundle import layout
 from ..bundle.damage import require_as_made
-from ..bundle.layout import of_round
 from ..bundle.scene import Scene
 from ..bundle.stale import require_present_frame
 from ..captures.capture import Capture
 from ..core.errors import R2SEgoError, SceneError
 from ..core.progress import SILENT, Progress
 from . import generator_score, round_scores, scene_causes, view_influence
-from .arm_scores import ScoredArms, arm_lines, not_scored_lines, score_arms
+from .arm_scores import ScoredArms, arm_lines, asset_digests, not_scored_lines, score_arms
 from .arms import ARMS, DEFAULT_ARMS, REFINED
 from .cause_figures import report_causes
 from .frozen_views import views_to_score
@@ -86,7 +82,7 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress, arms: Sequence[st
         generator=generator,
         generated_views=influence,
         causes=scene_causes.as_entry(causes),
-        assets=_assets(scene, scored.scores),
+        assets=asset_digests(scene, scored.scores, rounds=True),
         not_scored=scored.not_scored,
     )
     unseen = [] if isinstance(surfaces, str) else [~view.seen for view in surfaces.views]
@@ -105,13 +101,6 @@ def table(metrics: Mapping[str, Any]) -> str:
     of_views = view_influence.told(metrics.get("generated_views", {}))
     lines += [*filter(None, [of_generator, of_views, unseen_told(told)]), *geometry_lines(told)]
     return "\n".join([*lines, "", *scene_causes.lines(metrics["causes"])])
-
-
-def _assets(scene: Scene, arms: Iterable[str]) -> dict[str, str]:
-    """The assets as they are now, by their digests: what changes later is not what was scored."""
-    rounds = (of_round(index, "asset.ply") for index in range(scene.declaration.settings.rounds))
-    outputs = scene.outputs()
-    return {name: outputs[name] for name in (*(ARMS[arm].asset for arm in arms), *rounds) if name in outputs}
 
 
 def _surfaces(scene: Scene, frozen: Path, views: Sequence[Capture], progress: Progress) -> SceneSurfaces | str:

@@ -47,8 +47,8 @@ _TRIES = (_Try(100, 16.0, 30), _Try(100, 16.0, 15), _Try(50, 8.0, 15), _Try(30, 
 # Through a lens that is known, eight points place a photograph, and points that two photographs alone
 # see count too. Without it they bend the lens to their mistakes.
 _HELD = _Try(30, 4.0, 8)
-# Global positioning begins at random: one of so many begins ends where most matches agree.
-_GLOBAL_BEGINS = 8
+# Global positioning starts at random: one of so many starts ends where most matches agree.
+_GLOBAL_STARTS = 8
 # In shares of how far places spread: from here on a place is not told. Told ones have 0.02.
 _MOST_DEVIATION = 0.2
 # Of the reprojection error under a shared lens, what lenses of their own may leave: right ones
@@ -69,8 +69,7 @@ def map_in_child(request: dict[str, Any]) -> dict[str, Any]:
 
     The request holds ``folder`` with ``matches.npz``, the photographs' ``paths`` and ``sizes``, and ``min_matches``;
     ``lens_from``, a model, holds its lenses as they are, and ``globally`` has all that pairs join placed at once
-    through them; ``compare`` asks whether the lens is determined, where
-    all that have matches register.
+    through them; ``compare`` asks whether the lens is determined, where all that have matches register.
     """
     os.chdir(request["folder"])  # Windows' COLMAP opens no database by a path of letters beyond the system's
     folder = Path()
@@ -159,7 +158,7 @@ def _mapped_globally(
     folder: Path, lenses: tuple[list[Any], list[int]], matched: Matched, min_matches: int
 ) -> list[Images]:
     """The models of global mapping (Pan and others, "Global Structure-from-Motion Revisited", ECCV 2024), through
-    lenses as they are, of the begin with which most matches agree.
+    lenses as they are, of the start with which most matches agree.
 
     Rotations are averaged over all pairs, and points of two photographs count for places: groups that no point of
     three photographs joins are joined where their pairs close a loop.
@@ -175,12 +174,12 @@ def _mapped_globally(
     mapper.bundle_adjustment.refine_focal_length = mapper.bundle_adjustment.refine_extra_params = False
     mapper.global_positioning.use_gpu = mapper.bundle_adjustment.ceres.use_gpu = False
     best: tuple[int, list[Images]] = (0, [])
-    for begin in range(_GLOBAL_BEGINS):
-        output = folder / f"models{begin}"
+    for start in range(_GLOBAL_STARTS):
+        output = folder / f"models{start}"
         output.mkdir()
         for seeded in (options, mapper, mapper.rotation_averaging, mapper.global_positioning, mapper.retriangulation):
-            seeded.random_seed = begin
-        pycolmap.set_random_seed(begin)
+            seeded.random_seed = start
+        pycolmap.set_random_seed(start)
         found = pycolmap.global_mapping(database, output, output, options).values()
         models = [_images(with_lenses_that_can_be_undone(one), index_of) for one in found]
         models = sorted((_told(_trustworthy(one, matched), matched) for one in models), key=len, reverse=True)
