@@ -4,7 +4,8 @@ A splat asset trained on a few captures is empty beyond them, and a view of the 
 is black. The backdrop is a closed shell around the captures instead: in each direction it
 stands where the farthest thing was seen, and where nothing was seen it continues the
 directions around it, in distance and in colour, those at its own height first: a wall goes
-on as the walls beside it, not as the floor below. It is a guess, never geometry: the
+on as the walls beside it, not as the floor below. Its Gaussians lie along it, so it is
+closed from wherever a robot goes, not from its centre alone. It is a guess, never geometry: the
 asset deficit, the proxy and the collision surface are made without it.
 """
 
@@ -14,6 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from ..asset import SplatAsset
 from .initialization import DepthView, gaussians
@@ -29,6 +31,8 @@ _CLEARANCE = 1.03  # the shell stands this much behind what was seen: surfaces s
 _GROWTH = 1.05  # step by which a direction that a capture saw through is moved outwards
 _LARGEST_GROWTH = 10.0
 _REACH = 2.0  # standard deviations within which a Gaussian must not cover what was seen behind it
+_SLOPE_NEIGHBOURS = 7  # directions, itself among them, that the shell's slope is told from
+_STEEPEST = 8.0  # slope of the shell, in metres outwards a metre across, that its Gaussians follow
 _LARGEST_REACH_PX = 60.0
 _SEEN_THROUGH = 0.97  # a capture whose depth is this much larger saw through
 
@@ -53,11 +57,15 @@ def backdrop(views: Sequence[DepthView], directions: int) -> SplatAsset:
     spacing = np.sqrt(4.0 * np.pi / directions)
     distance_m = _behind_what_is_seen(centre, around, _CLEARANCE * distance_m, _SIGMA * spacing, views)
     kept = np.isfinite(distance_m)
-    distance_m, count = distance_m[kept], int(kept.sum())
+    around, distance_m = around[kept], distance_m[kept]
+    means = centre + around * distance_m[:, None]
+    axes, lengths = _along_the_shell(around, distance_m)
+    sigma_m = _SIGMA * spacing * distance_m[:, None]
+    lengths[_reach_over(means, axes, sigma_m * lengths, views)] = 1.0
     return gaussians(
-        means=centre + around[kept] * distance_m[:, None],
-        sigmas_m=np.repeat((_SIGMA * spacing * distance_m)[:, None], 3, axis=1),
-        quaternions=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+        means=means,
+        sigmas_m=sigma_m * lengths,
+        quaternions=Rotation.from_matrix(axes).as_quat()[:, [3, 0, 1, 2]],
         opacity=_OPACITY,
         colours=colour[kept],
     )
@@ -138,14 +146,49 @@ def _behind_what_is_seen(
     return grown
 
 
+def _along_the_shell(around: np.ndarray, distance_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Axes (D, 3, 3), in columns, and lengths (D, 3) of unit spheres around the directions (D, 3) when
+    each is carried out to where the shell stands (D,): as it slopes there they lean and stretch.
+
+    Round ones would close it for an eye at its centre alone: from elsewhere gaps open where it slopes.
+    """
+    _, index = cKDTree(around).query(around, k=min(_SLOPE_NEIGHBOURS, len(around)))
+    index = index.reshape(len(around), -1)
+    across = around[index] - around[:, None]
+    across -= np.einsum("dnk,dk->dn", across, around)[..., None] * around[:, None]
+    rise = np.log(distance_m[index] / distance_m[:, None])
+    slope = np.einsum("dkn,dn->dk", np.linalg.pinv(across, rcond=1e-3), rise)
+    steepness = np.linalg.norm(slope, axis=1, keepdims=True)
+    slope *= np.minimum(1.0, _STEEPEST / np.maximum(steepness, 1e-9))
+    carried = np.eye(3) + around[:, :, None] * slope[:, None, :]
+    axes, lengths, _ = np.linalg.svd(carried)
+    axes[:, :, 2] *= np.sign(np.linalg.det(axes))[:, None]
+    return axes, lengths
+
+
+def _reach_over(means: np.ndarray, axes: np.ndarray, sigmas_m: np.ndarray, views: Sequence[DepthView]) -> np.ndarray:
+    """(n,) bool: which Gaussians hide a surface that a view shows anywhere along their two longer axes."""
+    reaching = np.zeros(len(means), bool)
+    for axis in (0, 1):
+        for sigmas in np.linspace(-_REACH, _REACH, 9):
+            points = means + sigmas * sigmas_m[:, axis, None] * axes[:, :, axis]
+            for view in views:
+                reaching |= _stand_before(*view.camera.project(points), view)
+    return reaching
+
+
 def _covers(means: np.ndarray, sigma_m: np.ndarray, view: DepthView) -> np.ndarray:
     """(n,) bool: which Gaussians hide a surface that the view shows."""
     pixels, depth = view.camera.project(means)
     reach_px = np.minimum(_REACH * sigma_m * view.camera.fx / np.maximum(depth, 1e-6), _LARGEST_REACH_PX)
     covered = np.zeros(len(means), bool)
     for offset in ((0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
-        at = pixels + reach_px[:, None] * offset
-        inside = view.camera.sees(at, depth)
-        column, row = np.where(inside[:, None], at, 0.0).astype(np.int64).T
-        covered |= inside & (depth < _SEEN_THROUGH * view.depth[row, column])
+        covered |= _stand_before(pixels + reach_px[:, None] * offset, depth, view)
     return covered
+
+
+def _stand_before(pixels: np.ndarray, depth: np.ndarray, view: DepthView) -> np.ndarray:
+    """(n,) bool: which of the points, at (n, 2) and (n,) metres, stand before what the view shows there."""
+    inside = view.camera.sees(pixels, depth)
+    column, row = np.where(inside[:, None], pixels, 0.0).astype(np.int64).T
+    return inside & (depth < _SEEN_THROUGH * view.depth[row, column])

@@ -94,6 +94,22 @@ def test_it_is_closed_and_never_black_where_nothing_was_seen(views, target):
     assert image.colour.max() <= 0.95
 
 
+@pytest.mark.parametrize("place", [(2.4, 1.5, 1.3), (2.4, -1.5, 1.3), (-1.0, -1.0, 1.3)])
+def test_it_is_closed_for_who_stands_away_from_its_centre(views, place):
+    """From a corner the floor is seen straight down where the centre sees it at a slant."""
+    asset = backdrop(views, COUNT)
+    for side in (
+        (0.0, -3.0, -0.3),
+        (0.0, 3.0, -0.3),
+        (-3.0, 0.0, -0.3),
+        (3.0, 0.0, -0.3),
+        (0.1, 0, -1.3),
+        (0.1, 0, 1.3),
+    ):
+        camera = Camera(64, 48, 32, 32, 32, 24, look_at(place, np.add(place, side)))
+        assert render(asset, camera).alpha.min() > 0.9
+
+
 def test_an_unseen_wall_continues_the_walls_beside_it_and_not_the_floor():
     """Behind the cameras, where the floor is nearer than any wall that was seen."""
     views = [
