@@ -4,9 +4,9 @@ A splat asset trained on a few captures is empty beyond them, and a view of the 
 is black. The backdrop is a closed shell around the captures instead: in each direction it
 stands where the farthest thing was seen, and where nothing was seen it continues the
 directions around it, in distance and in colour, those at its own height first: a wall goes
-on as the walls beside it, not as the floor below. Its Gaussians lie along it, so it is
-closed from wherever a robot goes, not from its centre alone. It is a guess, never geometry: the
-asset deficit, the proxy and the collision surface are made without it.
+on as the walls beside it, not as the floor below. There its Gaussians lie along it, so it
+is closed from wherever a robot goes, not from its centre alone. It is a guess, never geometry:
+the asset deficit, the proxy and the collision surface are made without it.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ _CLEARANCE = 1.03  # the shell stands this much behind what was seen: surfaces s
 _GROWTH = 1.05  # step by which a direction that a capture saw through is moved outwards
 _LARGEST_GROWTH = 10.0
 _REACH = 2.0  # standard deviations within which a Gaussian must not cover what was seen behind it
-_SLOPE_NEIGHBOURS = 7  # directions, itself among them, that the shell's slope is told from
-_STEEPEST = 8.0  # slope of the shell, in metres outwards a metre across, that its Gaussians follow
+_PLANE_NEIGHBOURS = 7  # directions, itself among them, whose plane a Gaussian lies in
+_PLANE_WITHIN = 0.2  # of the distance, which they may be off it
 _LARGEST_REACH_PX = 60.0
 _SEEN_THROUGH = 0.97  # a capture whose depth is this much larger saw through
 
@@ -57,11 +57,12 @@ def backdrop(views: Sequence[DepthView], directions: int) -> SplatAsset:
     spacing = np.sqrt(4.0 * np.pi / directions)
     distance_m = _behind_what_is_seen(centre, around, _CLEARANCE * distance_m, _SIGMA * spacing, views)
     kept = np.isfinite(distance_m)
-    around, distance_m = around[kept], distance_m[kept]
+    around, distance_m, known = around[kept], distance_m[kept], known[kept]
     means = centre + around * distance_m[:, None]
     axes, lengths = _along_the_shell(around, distance_m)
     sigma_m = _SIGMA * spacing * distance_m[:, None]
-    lengths[_reach_over(means, axes, sigma_m * lengths, views)] = 1.0
+    # Before a surface that the asset has a long one is a haze: splats are sorted by their centres.
+    lengths[known | _reach_over(means, axes, sigma_m * lengths, views)] = 1.0
     return gaussians(
         means=means,
         sigmas_m=sigma_m * lengths,
@@ -152,14 +153,14 @@ def _along_the_shell(around: np.ndarray, distance_m: np.ndarray) -> tuple[np.nda
 
     Round ones would close it for an eye at its centre alone: from elsewhere gaps open where it slopes.
     """
-    _, index = cKDTree(around).query(around, k=min(_SLOPE_NEIGHBOURS, len(around)))
-    index = index.reshape(len(around), -1)
-    across = around[index] - around[:, None]
-    across -= np.einsum("dnk,dk->dn", across, around)[..., None] * around[:, None]
-    rise = np.log(distance_m[index] / distance_m[:, None])
-    slope = np.einsum("dkn,dn->dk", np.linalg.pinv(across, rcond=1e-3), rise)
-    steepness = np.linalg.norm(slope, axis=1, keepdims=True)
-    slope *= np.minimum(1.0, _STEEPEST / np.maximum(steepness, 1e-9))
+    _, index = cKDTree(around).query(around, k=min(_PLANE_NEIGHBOURS, len(around)))
+    beside = around[index.reshape(len(around), -1)]
+    nearness = distance_m[index.reshape(len(around), -1)] ** -1.0
+    # Of a plane the inverse of the distance is linear in the direction; a step is no plane, and nothing closes it.
+    plane = np.einsum("dkn,dn->dk", np.linalg.pinv(beside), nearness)
+    off = np.abs(np.einsum("dnk,dk->dn", beside, plane) / nearness - 1.0).max(axis=1)
+    slope = -distance_m[:, None] * (plane - np.einsum("dk,dk->d", plane, around)[:, None] * around)
+    slope[off > _PLANE_WITHIN] = 0.0
     carried = np.eye(3) + around[:, :, None] * slope[:, None, :]
     axes, lengths, _ = np.linalg.svd(carried)
     axes[:, :, 2] *= np.sign(np.linalg.det(axes))[:, None]

@@ -94,20 +94,16 @@ def test_it_is_closed_and_never_black_where_nothing_was_seen(views, target):
     assert image.colour.max() <= 0.95
 
 
-@pytest.mark.parametrize("place", [(2.4, 1.5, 1.3), (2.4, -1.5, 1.3), (-1.0, -1.0, 1.3)])
-def test_it_is_closed_for_who_stands_away_from_its_centre(views, place):
-    """From a corner the floor is seen straight down where the centre sees it at a slant."""
-    asset = backdrop(views, COUNT)
-    for side in (
-        (0.0, -3.0, -0.3),
-        (0.0, 3.0, -0.3),
-        (-3.0, 0.0, -0.3),
-        (3.0, 0.0, -0.3),
-        (0.1, 0, -1.3),
-        (0.1, 0, 1.3),
-    ):
-        camera = Camera(64, 48, 32, 32, 32, 24, look_at(place, np.add(place, side)))
-        assert render(asset, camera).alpha.min() > 0.9
+@pytest.mark.parametrize("place", [(2.4, 1.5, 1.3), (1.0, 1.5, 1.3), (1.0, -1.2, 1.3)])
+def test_an_unseen_floor_is_closed_for_who_stands_away_from_its_centre(place):
+    """There it is seen straight down where the centre, at the other end of the room, sees it at a slant."""
+    views = [
+        room_view((-2.4, 0.0, 1.4), (3.0, 0.5, 1.9)),
+        room_view((-1.7, -0.2, 1.2), (3.0, -1.0, 1.9)),
+        room_view((-1.9, 0.3, 1.3), (1.0, 2.0, 1.9)),
+    ]
+    camera = Camera(64, 48, 32, 32, 32, 24, look_at(place, np.add(place, (0.1, 0.0, -1.3))))
+    assert (render(backdrop(views, COUNT), camera).alpha < 0.8).mean() < 0.05
 
 
 def test_an_unseen_wall_continues_the_walls_beside_it_and_not_the_floor():
