@@ -61,7 +61,8 @@ _SAME_FOCAL = 0.01
 # A photograph registered to a wrong place contradicts most of its matches: of a right one
 # 40 to 70 % lie on their epipolar lines (the rest are wrong matches), of a wrong one 15 %.
 _MIN_AGREEING_SHARE = 0.25
-_AGREEMENT_PX = 4.0
+AGREEMENT_PX = 4.0
+"""By which a match may lie off its epipolar lines and agree with a model, at the size at which it is solved."""
 
 
 def map_in_child(request: dict[str, Any]) -> dict[str, Any]:
@@ -102,7 +103,7 @@ def map_in_child(request: dict[str, Any]) -> dict[str, Any]:
 
 def agreements(images: Images, matched: Matched, within_px: float) -> dict[int, np.ndarray]:
     """For each photograph of a model (2,): how many of its matches lie on their epipolar lines, and of how many."""
-    views = {image["index"]: _pinhole_view(image, matched.features[image["index"]]) for image in images}
+    views = {image["index"]: pinhole_view(image, matched.features[image["index"]]) for image in images}
     counts = {index: np.zeros(2, np.int64) for index in views}
     for (i, j), matches in matched.pairs.items():
         if i in views and j in views:
@@ -183,7 +184,7 @@ def _mapped_globally(
         found = pycolmap.global_mapping(database, output, output, options).values()
         models = [_images(with_lenses_that_can_be_undone(one), index_of) for one in found]
         models = sorted((_told(_trustworthy(one, matched), matched) for one in models), key=len, reverse=True)
-        counts = agreements(models[0], matched, _AGREEMENT_PX) if models else {}
+        counts = agreements(models[0], matched, AGREEMENT_PX) if models else {}
         best = max(best, (sum(int(agree) for agree, _ in counts.values()), models), key=lambda pair: pair[0])
     return best[1]
 
@@ -266,8 +267,8 @@ def _images(model: Any, index_of: dict[int, int]) -> Images:
 def _told(images: Images, matched: Matched) -> Images:
     """Those of a model whose places its matches tell, each in one scale with the others."""
     while images:
-        views = {image["index"]: _pinhole_view(image, matched.features[image["index"]]) for image in images}
-        deviations = place_deviations(views, matched, _AGREEMENT_PX)
+        views = {image["index"]: pinhole_view(image, matched.features[image["index"]]) for image in images}
+        deviations = place_deviations(views, matched, AGREEMENT_PX)
         worst = max(deviations, key=lambda index: deviations[index])
         if deviations[worst] <= _MOST_DEVIATION:
             break
@@ -277,12 +278,12 @@ def _told(images: Images, matched: Matched) -> Images:
 
 def _trustworthy(images: Images, matched: Matched) -> Images:
     """Those of a model whose matches agree with its poses."""
-    counts = agreements(images, matched, _AGREEMENT_PX)
+    counts = agreements(images, matched, AGREEMENT_PX)
     right = {index for index, (agreeing, total) in counts.items() if agreeing >= _MIN_AGREEING_SHARE * max(total, 1)}
     return [image for image in images if image["index"] in right]
 
 
-def _pinhole_view(image: dict[str, Any], features: Features) -> tuple[Camera, np.ndarray]:
+def pinhole_view(image: dict[str, Any], features: Features) -> tuple[Camera, np.ndarray]:
     """An image's pose as a pinhole camera, and its keypoints (n, 2) freed of distortion."""
     lens = lens_from_json(image["camera"], str(image["index"]))
     focal = lens.fx

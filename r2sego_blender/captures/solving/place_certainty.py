@@ -77,22 +77,28 @@ def _pairs(views: Mapping[int, View], matched: Matched, within_px: float) -> Ite
         (camera_i, pixels_i), (camera_j, pixels_j) = views[i], views[j]
         of_i, of_j = pixels_i[matches[:, 0]], pixels_j[matches[:, 1]]
         agree = epipolar_errors(of_i, of_j, camera_i, camera_j) <= within_px
-        rays_i, rays_j = _rays(camera_i, of_i), _rays(camera_j, of_j)
         away = camera_j.centre - camera_i.centre
-        along = (rays_i * rays_j).sum(axis=1)
-        across = np.maximum(1.0 - along**2, 1e-12)
-        from_i = (rays_i @ away - along * (rays_j @ away)) / across
-        from_j = (along * (rays_i @ away) - rays_j @ away) / across
-        told = agree & (from_i > 0.0) & (from_j > 0.0) & (across > _LEAST_ANGLE**2)
+        from_i, from_j, sine = distances(world_rays(camera_i, of_i), world_rays(camera_j, of_j), away)
+        told = agree & (from_i > 0.0) & (from_j > 0.0) & (sine > _LEAST_ANGLE)
         if told.sum() >= _LEAST_MATCHES:
-            distances = [
+            of_keypoints = [
                 dict(zip(matches[told, end].tolist(), off[told].tolist(), strict=True))
                 for end, off in enumerate((from_i, from_j))
             ]
-            yield _Pair((i, j), away, (distances[0], distances[1]))
+            yield _Pair((i, j), away, (of_keypoints[0], of_keypoints[1]))
 
 
-def _rays(camera: Camera, pixels: np.ndarray) -> np.ndarray:
+def distances(rays_i: np.ndarray, rays_j: np.ndarray, away: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where unit rays (n, 3) from two centres, the second ``away`` (3,) from the first, pass each other: (n,) from
+    each centre, negative behind it, and (n,) the sine between them."""
+    along = (rays_i * rays_j).sum(axis=1)
+    across = np.maximum(1.0 - along**2, 1e-12)
+    from_i = (rays_i @ away - along * (rays_j @ away)) / across
+    from_j = (along * (rays_i @ away) - rays_j @ away) / across
+    return from_i, from_j, np.sqrt(across)
+
+
+def world_rays(camera: Camera, pixels: np.ndarray) -> np.ndarray:
     """Unit rays (n, 3) in the world of pixels (n, 2)."""
     ahead = np.column_stack([(pixels - [camera.cx, camera.cy]) / [camera.fx, camera.fy], np.ones(len(pixels))])
     rays = ahead @ camera.world_from_camera[:3, :3].T

@@ -24,7 +24,8 @@ from ..matching.xfeat import LEAST_EXPECTED, NAME, match_xfeat, runs
 from ..poses.colmap_model import lens_from_json
 from ..poses.photographs import MIN_CAPTURES, Photograph
 from ..poses.plain_folder import plain_photographs
-from .mapping import ADVICE, Images, agreements, map_in_child
+from .joined_groups import joined_by_surfaces
+from .mapping import ADVICE, AGREEMENT_PX, Images, agreements, map_in_child, pinhole_view
 from .starting_lenses import focal_of_exif
 
 _MIN_REGISTERED_SHARE = 0.6
@@ -171,7 +172,32 @@ class _Photographs(NamedTuple):
                 f"{', '.join(added)}: placed by few points, for hardly any third photograph shows what they share "
                 "with their neighbour; one more beside it would make them exact"
             )
-        return best
+        return self.joined(best, [*best.models[1:], *found.models[1:]], matched)
+
+    def joined(self, found: _Solved, groups: Sequence[Images], matched: Matched) -> _Solved:
+        """With those ``groups`` whose scale the surfaces tell that a photograph which they share shows of both."""
+        best = found.best
+        for group in groups:
+            inside = {image["index"] for image in best}
+            views, others = (
+                {one["index"]: pinhole_view(one, matched.features[one["index"]]) for one in images}
+                for images in (best, group)
+            )
+            cameras = joined_by_surfaces(views, others, matched, AGREEMENT_PX) if others.keys() - inside else {}
+            added = [
+                {**image, "camera_from_world": cameras[image["index"]].camera_from_world[:3].tolist()}
+                for image in group
+                if image["index"] in cameras.keys() - inside
+            ]
+            best = sorted([*best, *added], key=lambda image: image["index"])
+            if added:
+                names = ", ".join(self.paths[image["index"]].name for image in added)
+                self.progress.message(
+                    f"{names}: how far they stand from the others is told, to some 10 %, by the surfaces that one "
+                    "photograph shows of both; one more between them would make it exact",
+                    level="warning",
+                )
+        return found._replace(models=[best, *found.models[1:]])
 
     def all_of(self, found: _Solved) -> bool:
         return len(found.best) == len(self.paths)

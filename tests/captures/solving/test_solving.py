@@ -12,6 +12,8 @@ from PIL import Image
 from r2sego_blender.captures.frame.scale import Scale
 from r2sego_blender.captures.frame.world_frame import register
 from r2sego_blender.captures.importing import import_captures
+from r2sego_blender.captures.matching.overlap import match_all
+from r2sego_blender.captures.solving import solving
 from r2sego_blender.captures.solving.solving import solve_poses
 from r2sego_blender.captures.sparse import triangulate
 from r2sego_blender.config.settings import CaptureSettings
@@ -168,6 +170,38 @@ def test_a_photograph_that_shares_almost_all_with_one_other_is_placed(room, room
     captures = import_captures(tmp_path, None, settings, messages).captures
     assert [capture.name for capture in captures] == [f"{index}.png" for index in range(6)]
     assert _relative_errors_deg(captures, [*room_cameras, turned]).max() < 0.7
+
+
+def test_groups_that_share_a_photograph_and_no_point_of_three_are_joined(
+    room_captures, room_cameras, tmp_path, messages, monkeypatch
+):
+    """What each measured of that photograph lies side by side there, so both get one scale."""
+    for capture in room_captures:
+        save_image(tmp_path / capture.name, capture.image())
+
+    def in_two_groups(*arguments):
+        pairs = match_all(*arguments)
+        of_first = np.unique(np.concatenate([pairs[i, 2][:, 1] for i in (0, 1)]))
+        of_second = np.unique(np.concatenate([pairs[2, i][:, 0] for i in (3, 4)]))
+        both = np.intersect1d(of_first, of_second)
+        cut = {pair: rows for pair, rows in pairs.items() if pair[1] <= 2 or pair[0] >= 2}
+        of_one = [np.setdiff1d(of_first, both[::2]), np.setdiff1d(of_second, both[1::2])]
+        for pair, own, kept in (((0, 2), 1, 0), ((1, 2), 1, 0), ((2, 3), 0, 1), ((2, 4), 0, 1)):
+            cut[pair] = cut[pair][np.isin(cut[pair][:, own], of_one[kept])]
+        return cut
+
+    monkeypatch.setattr(solving, "match_all", in_two_groups)
+    settings = CaptureSettings(max_features=5000, matcher="sift")
+    captures = import_captures(tmp_path, None, settings, messages).captures
+    assert [capture.name for capture in captures] == [capture.name for capture in room_captures]
+    assert any("photo3.png, photo4.png" in told for told in messages.warnings)
+    assert _relative_errors_deg(captures, room_cameras).max() < 0.7
+    away = [
+        np.linalg.norm(cameras[i].centre - cameras[j].centre)
+        for cameras in ([capture.camera for capture in captures], room_cameras)
+        for i, j in ((0, 2), (2, 4))
+    ]
+    assert away[1] / away[0] == pytest.approx(away[3] / away[2], rel=0.05)
 
 
 @pytest.mark.slow
