@@ -54,6 +54,8 @@ Image.MAX_IMAGE_PIXELS = MOST_PX // 2  # Pillow refuses twice as many, whoever o
 warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # and of fewer ``opened_image`` tells better
 
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+_PNG_CHUNKS = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
+_PNG = b"\x89PNG\r\n\x1a\n"
 _TIFF_WIDTH, _TIFF_HEIGHT = 256, 257
 _MOST_PNG_CHUNKS = 1 << 20
 
@@ -159,6 +161,8 @@ def stored_values(path: Path) -> np.ndarray | None:
     """
     try:
         data = read_bytes(path, MOST_FILE_BYTES)
+        if data.startswith(_PNG):
+            data = _plain_png(data)
         width, height = _stored_size(data)
         require_sensible_size(path, width, height, len(data))
         return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
@@ -167,7 +171,7 @@ def stored_values(path: Path) -> np.ndarray | None:
 
 
 def _stored_size(data: bytes) -> tuple[int, int]:
-    """(width, height) that an image says it has. Raises ``DAMAGED``, also for a PNG that is cut off."""
+    """(width, height) that an image says it has. Raises ``DAMAGED``."""
     if data.startswith(_TIFF):  # of which OpenCV reads more kinds than Pillow
         stream = io.BytesIO(data)
         begin = stream.read(16 if data[2:3] in b"+" or data[3:4] == b"+" else 8)
@@ -176,21 +180,28 @@ def _stored_size(data: bytes) -> tuple[int, int]:
         tags.load(stream)
         return int(tags[_TIFF_WIDTH]), int(tags[_TIFF_HEIGHT])
     with Image.open(io.BytesIO(data), formats=_readable()) as image:
-        if image.format == "PNG":
-            _require_whole_png(data)
         return image.size
 
 
-def _require_whole_png(data: bytes) -> None:
-    """Raises ValueError where a chunk says that it is longer than the file."""
-    place = 8
+def _plain_png(data: bytes) -> bytes:
+    """A PNG's size, colours and pixels alone. OpenCV dies of some animations, and takes what follows the end for
+    chunks, with the memory that they say they need.
+
+    Raises ValueError where a chunk says that it is longer than the file, and where none has pixels.
+    """
+    place, kept = len(_PNG), []
     for _ in range(_MOST_PNG_CHUNKS):
-        if data[place + 4 : place + 8] == b"IEND":
-            return
-        place += 12 + int.from_bytes(data[place : place + 4], "big")
-        if place > len(data) - 12:
+        kind, end = data[place + 4 : place + 8], place + 12 + int.from_bytes(data[place : place + 4], "big")
+        if end > len(data):
             break
-    raise ValueError("it is cut off")
+        if kind in _PNG_CHUNKS:
+            kept.append((kind, data[place:end]))
+        if kind == b"IEND":
+            break
+        place = end
+    if not kept or kept[-1][0] != b"IEND" or b"IDAT" not in dict(kept):
+        raise ValueError("it is cut off")
+    return _PNG + b"".join(chunk for _, chunk in kept)
 
 
 def to_uint8(image: np.ndarray) -> np.ndarray:

@@ -349,6 +349,15 @@ def test_photographs_that_cannot_be_read(tmp_path, rng, blank_photograph, conten
         import_captures(tmp_path, tmp_path / "cameras.json", SETTINGS)
 
 
+@pytest.mark.parametrize("name", ["a" * 300 + ".png", "a" * 300 + "/p3.png", "a/" * 3000 + "p.png"])
+def test_a_photograph_whose_name_no_file_can_have_is_missing(tmp_path, rng, blank_photograph, messages, name):
+    _photographs(tmp_path, blank_photograph)
+    top = {"fl_x": 50.0, "w": 64, "h": 48}
+    path = _transforms(tmp_path, _poses(rng, 4), top, [{}, {}, {}, {"file_path": name}])
+    assert len(import_captures(tmp_path, path, SETTINGS, messages).captures) == 3
+    assert "1 of the 4 photographs" in messages.warnings[0]
+
+
 def test_folders_and_pose_files_that_are_not_there(tmp_path):
     with refused(CaptureError, tmp_path / "no"):
         import_captures(tmp_path / "no", None, SETTINGS)

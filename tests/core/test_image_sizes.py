@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import struct
+import subprocess
+import sys
 import zlib
 from pathlib import Path
 
@@ -70,6 +72,38 @@ def test_a_chunk_that_says_it_is_longer_than_its_file_is_no_image(tmp_path, kind
     before_mb = peak_memory_mb()
     assert stored_values(file) is None
     assert before_mb is None or peak_memory_mb() - before_mb < 50.0
+
+
+def test_what_follows_the_end_of_a_picture_is_none_of_it(tmp_path):
+    """OpenCV goes on to read where there were no pixels before the end, and takes the memory it finds asked for."""
+    file = black_png(tmp_path / "depth.png", 32, 24, 16)
+    whole = file.read_bytes()
+    vast = struct.pack(">I", 0x7FFFFFF0) + b"IDAT"
+    file.write_bytes(whole + vast)
+    np.testing.assert_array_equal(stored_values(file), np.zeros((24, 32), np.uint16))
+    place = whole.index(b"IDAT") - 4
+    file.write_bytes(whole[:place] + whole[whole.index(b"IEND") - 4 :] + 60 * vast)
+    forget_peak_memory()
+    before_mb = peak_memory_mb()
+    assert stored_values(file) is None
+    assert before_mb is None or peak_memory_mb() - before_mb < 50.0
+
+
+def test_of_an_animation_the_picture_is_read_and_a_damaged_one_ends_nothing(tmp_path):
+    """OpenCV 4.11 dies of it, so this is tried in a process of its own."""
+    file, rng = tmp_path / "moving.png", np.random.default_rng(0)
+    frames = [Image.fromarray(rng.integers(0, 255, (24, 32), np.uint8)) for _ in range(3)]
+    frames[0].save(file, save_all=True, append_images=frames[1:])
+    np.testing.assert_array_equal(stored_values(file), np.asarray(frames[0]))
+    ask = "import sys; from pathlib import Path; from r2sego_blender.core.images import stored_values"
+    ask += "; print(stored_values(Path(sys.argv[1])) is None)"
+    for filter_type in (9, 255):  # there are five
+        rows = b"".join(bytes([filter_type]) + bytes(4) for _ in range(4000))
+        chunks = [(b"IHDR", struct.pack(">IIBBBBB", 32, 4000, 1, 0, 0, 0, 0)), (b"acTL", struct.pack(">II", 2, 0))]
+        chunks += [(b"IDAT", zlib.compress(rows)), (b"IEND", b"")]
+        file.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(_chunk(*chunk) for chunk in chunks))
+        found = subprocess.run([sys.executable, "-c", ask, str(file)], capture_output=True, text=True, check=False)
+        assert (found.returncode, found.stdout) == (0, "True\n")
 
 
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])

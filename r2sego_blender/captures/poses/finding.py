@@ -106,8 +106,12 @@ def _found(
 
 
 def _is_file(path: Path) -> bool:
+    return _is(path.is_file)
+
+
+def _is(asked: Callable[[], bool]) -> bool:
     try:
-        return path.is_file()
+        return asked()
     except OSError:  # its name is too long for any
         return False
 
@@ -122,7 +126,7 @@ def _alike(candidate: Path, images_in: Callable[[Path], list[Path]]) -> Path | N
 
     HEIC is converted before or after its poses are solved, and some systems take .JPG for .jpg.
     """
-    if not candidate.parent.is_dir():
+    if not _is(candidate.parent.is_dir):
         return None
     kinds = SUFFIXES | UNREAD_PICTURES
     stem = caseless(candidate.stem if candidate.suffix.lower() in kinds else candidate.name)

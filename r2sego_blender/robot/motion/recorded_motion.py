@@ -46,6 +46,7 @@ from .motion_tensors import tensors_of
 _MAX_BYTES = 256 * 1024 * 1024
 _MAX_FRAMES, _MAX_BODIES = 200_000, 1000
 _FARTHEST_M, _FARTHEST_RAD = 1000.0, 1e6
+_ROUNDED = 1e-6  # of a quaternion's length: numbers of so many digits are as they are
 _LONGEST_LINE, _LONGEST_COMMENT = 100_000, 1000
 _DECLARED = re.compile(r"(\w+)\s*=\s*\"?([\w.]+)\"?")
 # A motion that leaves a joint's range by more is another robot's.
@@ -424,7 +425,7 @@ def _bodies(fields: MotionFields, frames: int, has_rotation: bool) -> RecordedBo
         what = "its bodies' places stand without rotations, so that the base's is not known"
         raise motion_error(path, what, f"Give {ROOT_ROTATIONS[0]}, or leave {BODY_POSITIONS[0]} out.")
     if quaternion is not None:
-        _unit(path, quaternion, "a body's quaternion")
+        quaternion = _unit(path, quaternion, "a body's quaternion")
     return RecordedBodies(position, quaternion, names)
 
 
@@ -452,14 +453,16 @@ def _checked(recording: RobotRecording) -> RobotRecording:
     if recording.root_m is not None and np.abs(recording.root_m).max() > _FARTHEST_M:
         raise motion_error(path, "the root lies farther than a kilometre", "Metres are expected.")
     if recording.quaternion is not None:
-        _unit(path, recording.quaternion, "the quaternion")
+        recording = replace(recording, quaternion=_unit(path, recording.quaternion, "the quaternion"))
     return recording
 
 
 def _unit(path: object, quaternion: np.ndarray, field: str) -> np.ndarray:
-    if np.abs(np.linalg.norm(quaternion, axis=-1) - 1.0).max() > 0.05:
+    """``quaternion`` (..., 4), made exactly of length 1 where it is rounded. Raises RobotError where it is another."""
+    length = np.linalg.norm(quaternion, axis=-1, keepdims=True)
+    if np.abs(length - 1.0).max() > 0.05:
         raise motion_error(path, f"{field} has not length 1", "Give rotations as unit quaternions.")
-    return quaternion
+    return np.where(np.abs(length - 1.0) > _ROUNDED, quaternion / length, quaternion)
 
 
 def _check_frames(path: object, count: int) -> None:

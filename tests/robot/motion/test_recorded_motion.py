@@ -72,6 +72,15 @@ def test_the_order_of_quaternions_is_found_out(humanoid, tmp_path, order, turn):
     assert error.magnitude() < 1e-3
 
 
+@pytest.mark.parametrize("length", [0.97, 1.0, 1.04])
+def test_quaternions_of_about_length_1_are_made_of_length_1(humanoid, tmp_path, length):
+    qpos = swaying(humanoid)
+    qpos[:, 3:7] *= length
+    recording = read_recording(csv(tmp_path / "sway.csv", qpos))
+    np.testing.assert_allclose(np.linalg.norm(recording.quaternion, axis=1), 1.0, atol=1e-6)
+    np.testing.assert_allclose(recording.quaternion, qpos[:, 3:7] / length, atol=1e-6)
+
+
 def test_a_declared_order_and_rate_win(humanoid, tmp_path):
     qpos = swaying(humanoid, frames=101)
     path = csv(tmp_path / "sway.csv", qpos, "xyzw", '# rate_hz = 100, quaternion = "xyzw"\n')

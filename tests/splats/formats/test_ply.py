@@ -173,6 +173,18 @@ def test_an_element_before_the_vertices_is_passed_over(tmp_path: Path) -> None:
         load_ply(tmp_path / "a.ply")
 
 
+def test_an_element_that_reaches_beyond_its_file_is_cut_short(tmp_path: Path) -> None:
+    save_ply(tmp_path / "a.ply", random_asset(np.random.default_rng(0), count=0))
+    head, _, _ = (tmp_path / "a.ply").read_bytes().partition(b"end_header\n")
+    before = head.replace(b"element vertex", b"element camera 9\nproperty double fx\nelement vertex")
+    for content in (before + b"end_header\n" + bytes(71), before + b"end_header"):
+        (tmp_path / "a.ply").write_bytes(content)
+        with pytest.raises(AssetError, match="cut short: the element 'camera' needs 72 bytes"):
+            load_ply(tmp_path / "a.ply")
+    (tmp_path / "a.ply").write_bytes(before + b"end_header\n" + bytes(72))
+    assert len(load_ply(tmp_path / "a.ply")) == 0
+
+
 def test_a_text_file_without_gaussians_is_read_without_a_warning(tmp_path: Path) -> None:
     properties = "".join(f"property float {name}\n" for name in [*FIELDS, "scale_2"])
     header = f"ply\nformat ascii 1.0\nelement vertex 0\n{properties}end_header\n"
