@@ -23,6 +23,7 @@ _FADE = 0.01  # of the longest side, over which they count e times less
 _NEIGHBOURS = 8
 _LEAST_SINE = 0.0175  # between rays that tell a distance: a degree
 _LEAST_BESIDE = 12  # points of a group that lie beside the other's
+_LEAST_AGREEING = 0.25  # of matches between the groups: right poses have 40 to 70 %, wrong ones 15
 _WIDTH, _SAME_LENGTH, _LEAST_SUPPORT = 0.05, 0.1, 0.6  # in logarithms; of distances that tell the length
 
 
@@ -36,10 +37,11 @@ class _Measured(NamedTuple):
 def joined_by_surfaces(
     views: Mapping[int, View], group: Mapping[int, View], matched: Matched, within_px: float
 ) -> dict[int, Camera]:
-    """The cameras of a ``group`` of another frame and scale in that of ``views``; none where nothing tells these.
+    """The cameras of a ``group`` of another frame and scale in that of ``views``.
 
-    Of several photographs that both have the one counts of which most points lie side by side. ``within_px`` is how
-    far matches may lie off their epipolar lines.
+    None where nothing tells these, and where most matches between photographs that only one has contradict it. Of several
+    photographs that both have the one counts of which most points lie side by side. ``within_px`` is how far matches
+    may lie off their epipolar lines.
     """
     best: tuple[int, dict[int, Camera]] = (0, {})
     for shared in sorted(views.keys() & group.keys()):
@@ -49,7 +51,20 @@ def joined_by_surfaces(
             views_from_group = _similarity(views[shared][0], group[shared][0], longer)
             moved = {index: camera.transformed(views_from_group) for index, (camera, _) in group.items()}
             best = count, moved
-    return best[1]
+    placed = {index: (camera, group[index][1]) for index, camera in best[1].items()}
+    return {} if _contradicted(views, placed, matched, within_px) else best[1]
+
+
+def _contradicted(views: Mapping[int, View], group: Mapping[int, View], matched: Matched, within_px: float) -> bool:
+    agreeing = total = 0
+    for ends, matches in matched.pairs.items():
+        for i, j, columns in ((*ends, (0, 1)), (*ends[::-1], (1, 0))):
+            if i in views.keys() - group.keys() and j in group.keys() - views.keys():
+                (camera_i, of_i), (camera_j, of_j) = views[i], group[j]
+                of_i, of_j = of_i[matches[:, columns[0]]], of_j[matches[:, columns[1]]]
+                agreeing += int((epipolar_errors(of_i, of_j, camera_i, camera_j) <= within_px).sum())
+                total += len(matches)
+    return agreeing < _LEAST_AGREEING * total
 
 
 def _measured(shared: int, views: Mapping[int, View], matched: Matched, within_px: float) -> _Measured:

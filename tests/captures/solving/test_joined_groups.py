@@ -29,7 +29,7 @@ def _room_points(rng, low_x_m, high_x_m, astray=0.0):
 def joined(rng):
     """The second group's cameras, of which another frame and scale are known, in the frame of the first."""
 
-    def ask(points_of_first, points_of_second):
+    def ask(points_of_first, points_of_second, across=None):
         keypoints = [np.zeros((0, 2)) for _ in CAMERAS]
         pairs = {}
         for group, points in ((FIRST, points_of_first), (SECOND, points_of_second)):
@@ -40,6 +40,8 @@ def joined(rng):
             for i in group:
                 for j in (j for j in group if j > i):
                     pairs[i, j] = np.stack([begin[i] + np.arange(COUNT), begin[j] + np.arange(COUNT)], axis=1)
+        if across is not None:
+            pairs[0, 4] = across
         features = [Features(one.astype(np.float32), np.zeros((len(one), 128), np.uint8)) for one in keypoints]
         elsewhere = 3.7 * look_at((0.3, 0.2, 0.1), (1.0, 2.0, 0.5))
         elsewhere[3] = (0.0, 0.0, 0.0, 1.0)
@@ -67,6 +69,16 @@ def test_what_lies_apart_in_the_picture_tells_nothing(rng, joined):
 
 def test_distances_that_do_not_agree_tell_nothing(rng, joined):
     assert joined(_room_points(rng, -1.2, 0.5), _room_points(rng, -0.3, 1.5, astray=0.7)) == {}
+
+
+@pytest.mark.parametrize("right", [True, False])
+def test_matches_between_the_groups_have_to_agree(rng, joined, right):
+    seen_by_both, others = _room_points(rng, -0.3, 0.5), _room_points(rng, -0.3, 1.5)
+    points = np.concatenate([seen_by_both[: COUNT // 2], others[: COUNT // 2]])
+    same = np.arange(COUNT // 2)
+    across = np.stack([same, same if right else same[::-1]], axis=1)
+    found = joined(np.concatenate([points[: COUNT // 2], _room_points(rng, -1.2, 0.5)[: COUNT // 2]]), points, across)
+    assert (found.keys() == set(SECOND)) is right and (right or found == {})
 
 
 def test_groups_without_a_photograph_in_common_are_not_joined(rng, joined):
