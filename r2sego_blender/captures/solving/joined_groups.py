@@ -39,9 +39,9 @@ def joined_by_surfaces(
 ) -> dict[int, Camera]:
     """The cameras of a ``group`` of another frame and scale in that of ``views``.
 
-    None where nothing tells these, and where most matches between photographs that only one has contradict it. Of several
-    photographs that both have the one counts of which most points lie side by side. ``within_px`` is how far matches
-    may lie off their epipolar lines.
+    None where nothing tells these, and where most matches between photographs that only one has contradict it. Of
+    several photographs that both have the one counts of which most points lie side by side. ``within_px`` is how far
+    matches may lie off their epipolar lines.
     """
     best: tuple[int, dict[int, Camera]] = (0, {})
     for shared in sorted(views.keys() & group.keys()):
