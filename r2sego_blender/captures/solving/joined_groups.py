@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 from ...core.cameras import Camera
 from ..matching.features import epipolar_errors
 from ..matching.overlap import Matched
+from .mapping import MIN_AGREEING_SHARE, agreements_of_views
 from .place_certainty import View, distances, world_rays
 
 _BESIDE = 0.04  # of the longest side, within which points of the two groups lie side by side
@@ -23,7 +24,6 @@ _FADE = 0.01  # of the longest side, over which they count e times less
 _NEIGHBOURS = 8
 _LEAST_SINE = 0.0175  # between rays that tell a distance: a degree
 _LEAST_BESIDE = 12  # points of a group that lie beside the other's
-_LEAST_AGREEING = 0.25  # of matches between the groups: right poses have 40 to 70 %, wrong ones 15
 _WIDTH, _SAME_LENGTH, _LEAST_SUPPORT = 0.05, 0.1, 0.6  # in logarithms; of distances that tell the length
 
 
@@ -56,15 +56,11 @@ def joined_by_surfaces(
 
 
 def _contradicted(views: Mapping[int, View], group: Mapping[int, View], matched: Matched, within_px: float) -> bool:
-    agreeing = total = 0
-    for ends, matches in matched.pairs.items():
-        for i, j, columns in ((*ends, (0, 1)), (*ends[::-1], (1, 0))):
-            if i in views.keys() - group.keys() and j in group.keys() - views.keys():
-                (camera_i, of_i), (camera_j, of_j) = views[i], group[j]
-                of_i, of_j = of_i[matches[:, columns[0]]], of_j[matches[:, columns[1]]]
-                agreeing += int((epipolar_errors(of_i, of_j, camera_i, camera_j) <= within_px).sum())
-                total += len(matches)
-    return agreeing < _LEAST_AGREEING * total
+    only = views.keys() - group.keys(), group.keys() - views.keys()
+    between = {pair: rows for pair, rows in matched.pairs.items() if all(one.intersection(pair) for one in only)}
+    counts = agreements_of_views({**group, **views}, Matched(matched.features, between), within_px)
+    agreeing, total = sum(counts.values(), np.zeros(2))
+    return bool(agreeing < MIN_AGREEING_SHARE * total)
 
 
 def _measured(shared: int, views: Mapping[int, View], matched: Matched, within_px: float) -> _Measured:
@@ -92,7 +88,8 @@ def _length(one: _Measured, other: _Measured, longest_px: int) -> tuple[float, i
     count = min(_NEIGHBOURS, len(one.pixels))
     off_px, index = (found.reshape(-1, count) for found in cKDTree(one.pixels).query(other.pixels, k=count))
     beside = off_px < _BESIDE * longest_px
-    if beside.any(axis=1).sum() < _LEAST_BESIDE:
+    points = int(beside.any(axis=1).sum())
+    if points < _LEAST_BESIDE:
         return 1.0, 0
     ratios = (np.log(one.away[index]) - np.log(other.away)[:, None])[beside]
     weight = np.exp(-off_px[beside] / (_FADE * longest_px))
@@ -101,13 +98,10 @@ def _length(one: _Measured, other: _Measured, longest_px: int) -> tuple[float, i
     agree = np.abs(ratios - mode) < _SAME_LENGTH
     if weight[agree].sum() < _LEAST_SUPPORT * weight.sum():
         return 1.0, 0
-    return float(np.exp(np.average(ratios[agree], weights=weight[agree]))), int(beside.any(axis=1).sum())
+    return float(np.exp(np.average(ratios[agree], weights=weight[agree]))), points
 
 
 def _similarity(camera: Camera, of_group: Camera, longer: float) -> np.ndarray:
     """(4, 4) that brings a photograph's pose in its group to that of ``camera``, and makes lengths ``longer``."""
-    similarity = np.eye(4)
-    turn = camera.world_from_camera[:3, :3] @ of_group.world_from_camera[:3, :3].T
-    similarity[:3, :3] = longer * turn
-    similarity[:3, 3] = camera.centre - longer * turn @ of_group.centre
+    similarity: np.ndarray = camera.world_from_camera @ np.diag([longer] * 3 + [1.0]) @ of_group.camera_from_world
     return similarity

@@ -7,6 +7,7 @@ A model is a list of images as JSON: ``index`` of the photograph, ``camera`` (``
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,7 +20,7 @@ from ..matching.features import Features, epipolar_errors
 from ..matching.overlap import Matched, load_matches, write_database
 from ..poses.colmap_model import camera_to_json, lens_from_json
 from ..poses.photographs import MIN_CAPTURES
-from .place_certainty import place_deviations
+from .place_certainty import View, place_deviations
 from .solved_lenses import can_be_undone, with_lenses_that_can_be_undone
 from .starting_lenses import cameras_of_their_own, solved_cameras, starting_cameras
 
@@ -58,9 +59,13 @@ _CLEARLY_LOWER = 0.75
 # to, within 0.1 %; where they do not, it is 3 to 100 % off.
 _OTHER_FOCAL_GUESS = 1.2
 _SAME_FOCAL = 0.01
-# A photograph registered to a wrong place contradicts most of its matches: of a right one
-# 40 to 70 % lie on their epipolar lines (the rest are wrong matches), of a wrong one 15 %.
-_MIN_AGREEING_SHARE = 0.25
+MIN_AGREEING_SHARE = 0.25
+"""Of its matches, with which a photograph agrees at least.
+
+One registered to a wrong place contradicts most of its matches: of a right one 40 to 70 % lie on their epipolar lines
+(the rest are wrong matches), of a wrong one 15 %.
+"""
+
 AGREEMENT_PX = 4.0
 """By which a match may lie off its epipolar lines and agree with a model, at the size at which it is solved."""
 
@@ -104,6 +109,11 @@ def map_in_child(request: dict[str, Any]) -> dict[str, Any]:
 def agreements(images: Images, matched: Matched, within_px: float) -> dict[int, np.ndarray]:
     """For each photograph of a model (2,): how many of its matches lie on their epipolar lines, and of how many."""
     views = {image["index"]: pinhole_view(image, matched.features[image["index"]]) for image in images}
+    return agreements_of_views(views, matched, within_px)
+
+
+def agreements_of_views(views: Mapping[int, View], matched: Matched, within_px: float) -> dict[int, np.ndarray]:
+    """The same of photographs' cameras and keypoints."""
     counts = {index: np.zeros(2, np.int64) for index in views}
     for (i, j), matches in matched.pairs.items():
         if i in views and j in views:
@@ -279,11 +289,11 @@ def _told(images: Images, matched: Matched) -> Images:
 def _trustworthy(images: Images, matched: Matched) -> Images:
     """Those of a model whose matches agree with its poses."""
     counts = agreements(images, matched, AGREEMENT_PX)
-    right = {index for index, (agreeing, total) in counts.items() if agreeing >= _MIN_AGREEING_SHARE * max(total, 1)}
+    right = {index for index, (agreeing, total) in counts.items() if agreeing >= MIN_AGREEING_SHARE * max(total, 1)}
     return [image for image in images if image["index"] in right]
 
 
-def pinhole_view(image: dict[str, Any], features: Features) -> tuple[Camera, np.ndarray]:
+def pinhole_view(image: dict[str, Any], features: Features) -> View:
     """An image's pose as a pinhole camera, and its keypoints (n, 2) freed of distortion."""
     lens = lens_from_json(image["camera"], str(image["index"]))
     focal = lens.fx

@@ -172,7 +172,8 @@ class _Photographs(NamedTuple):
                 f"{', '.join(added)}: placed by few points, for hardly any third photograph shows what they share "
                 "with their neighbour; one more beside it would make them exact"
             )
-        return self.joined(best, [*best.models[1:], *found.models[1:]], matched)
+        groups = best.models[1:] if best is found else [*best.models[1:], *found.models[1:]]
+        return self.joined(best, groups, matched)
 
     def joined(self, found: _Solved, groups: Sequence[Images], matched: Matched) -> _Solved:
         """With those ``groups`` whose scale the surfaces tell that a photograph which they share shows of both."""

@@ -94,11 +94,11 @@ def _elements(data: bytes, names: Collection[str], path: Path) -> dict[str, np.n
             found[element.name] = _ascii_rows(data[place:], element, path)
             break
         layout = np.dtype([(name, _BYTE_ORDERS.get(order, "<") + kind) for name, kind in element.fields])
-        if wanted:
-            found[element.name] = _binary_rows(data, place, layout, element, path)
         needed = element.count * layout.itemsize
         if needed > len(data) - place:
             raise _cut_short(element, needed, len(data) - place, path)
+        if wanted:
+            found[element.name] = np.frombuffer(data, layout, element.count, place)
         place += needed
     if "vertex" not in found:
         first = elements[0].name
@@ -140,13 +140,6 @@ def _header(data: bytes, file_bytes: int, path: Path) -> tuple[str, list[_Elemen
         if element.count > file_bytes:  # of which each takes a byte at least
             raise _cut_short(element, element.count, file_bytes, path)
     return order, elements, data.find(b"\n", end) + 1 or len(data)
-
-
-def _binary_rows(data: bytes, place: int, layout: np.dtype, element: _Element, path: Path) -> np.ndarray:
-    there, needed = len(data) - place, element.count * layout.itemsize
-    if there < needed:
-        raise _cut_short(element, needed, there, path)
-    return np.frombuffer(data, layout, element.count, place)
 
 
 def _cut_short(element: _Element, needed: int, there: int, path: Path) -> AssetError:

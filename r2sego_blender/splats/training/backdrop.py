@@ -62,11 +62,13 @@ def backdrop(views: Sequence[DepthView], directions: int) -> SplatAsset:
     axes, lengths = _along_the_shell(around, distance_m)
     sigma_m = _SIGMA * spacing * distance_m[:, None]
     # Before a surface that the asset has a long one is a haze: splats are sorted by their centres.
-    lengths[known | _reach_over(means, axes, sigma_m * lengths, views)] = 1.0
+    lengths[known] = 1.0
+    long = np.flatnonzero(~known)
+    lengths[long[_reach_over(means[long], axes[long], (sigma_m * lengths)[long], views)]] = 1.0
     return gaussians(
         means=means,
         sigmas_m=sigma_m * lengths,
-        quaternions=Rotation.from_matrix(axes).as_quat()[:, [3, 0, 1, 2]],
+        quaternions=Rotation.from_matrix(axes).as_quat(scalar_first=True),
         opacity=_OPACITY,
         colours=colour[kept],
     )
@@ -154,8 +156,8 @@ def _along_the_shell(around: np.ndarray, distance_m: np.ndarray) -> tuple[np.nda
     Round ones would close it for an eye at its centre alone: from elsewhere gaps open where it slopes.
     """
     _, index = cKDTree(around).query(around, k=min(_PLANE_NEIGHBOURS, len(around)))
-    beside = around[index.reshape(len(around), -1)]
-    nearness = distance_m[index.reshape(len(around), -1)] ** -1.0
+    index = index.reshape(len(around), -1)
+    beside, nearness = around[index], 1.0 / distance_m[index]
     # Of a plane the inverse of the distance is linear in the direction; a step is no plane, and nothing closes it.
     plane = np.einsum("dkn,dn->dk", np.linalg.pinv(beside), nearness)
     off = np.abs(np.einsum("dnk,dk->dn", beside, plane) / nearness - 1.0).max(axis=1)
