@@ -32,15 +32,16 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
     filter_glob: StringProperty(default=f"*{SUFFIX}", options={"HIDDEN"})
     captures: StringProperty(
         name="Photographs",
-        description="Folder of photographs of the room, three at least, or a video of a walk through it",
+        description="Folder of photographs of the room, three at least, a phone's recording with poses, or a video "
+        "of a walk through it",
         subtype="FILE_PATH",
         options={"SKIP_SAVE"},
     )
     poses: StringProperty(
         name="Poses",
         subtype="FILE_PATH",
-        description="transforms.json, cameras.json or a file of a COLMAP model; empty = those of a Polycam "
-        "export, else they are solved",
+        description="transforms.json, cameras.json or a file of a COLMAP model; empty = those of the "
+        "recording or export, else they are solved",
         options={"SKIP_SAVE"},
     )
     robot: StringProperty(

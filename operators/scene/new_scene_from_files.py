@@ -74,7 +74,7 @@ class R2SEGO_FH_captures(bpy.types.FileHandler):
     bl_idname = "R2SEGO_FH_captures"
     bl_label = "R2S-EGO Captures"
     bl_import_operator = R2SEGO_OT_new_scene_from_files.bl_idname
-    bl_file_extensions = ";".join((*PHOTOGRAPHS, *VIDEOS, ".json", ".bin", ".txt"))
+    bl_file_extensions = ";".join((*PHOTOGRAPHS, *VIDEOS, ".json", ".bin", ".txt", ".csv"))
 
     @classmethod
     def poll_drop(cls, context):

@@ -20,7 +20,10 @@ from .options import ANY_PATH, Output, names_of, output_options, overrides_of, s
 @click.command()
 @click.argument("scene", type=ANY_PATH)
 @click.option(
-    "--captures", required=True, type=ANY_PATH, help="Folder of photographs, three at least, or a video of a walk."
+    "--captures",
+    required=True,
+    type=ANY_PATH,
+    help="Folder of photographs, three at least, a phone's recording with poses, or a video of a walk.",
 )
 @click.option(
     "--keyframes",
@@ -45,7 +48,8 @@ from .options import ANY_PATH, Output, names_of, output_options, overrides_of, s
 @click.option(
     "--poses",
     type=ANY_PATH,
-    help="transforms.json, cameras.json (3DGS's too), a COLMAP folder or Polycam's raw export; else they are solved.",
+    help="transforms.json, cameras.json (3DGS's too), a COLMAP folder, or what an app of phones wrote "
+    "(docs/formats.md); else those of the captures' folder, or they are solved.",
 )
 @click.option(
     "--robot",

@@ -26,7 +26,7 @@ from ..captures.keyframes.choosing import video_keyframes
 from ..captures.masks import FOLDER as MASKS
 from ..captures.pose_adjustment import triangulate_refined
 from ..captures.poses.dropped_files import VIDEOS
-from ..captures.poses.registry import find_export
+from ..captures.poses.registry import find_export, find_recording
 from ..captures.sensors.measuring import measured_depth
 from ..captures.sensors.sensor_depth import SensorDepth
 from ..captures.sensors.sensor_maps import SensorMap
@@ -57,16 +57,17 @@ def create_scene(
 ) -> Scene:
     """Make the bundle ``path`` from the photographs in the folder ``captures``, or from frames of a video.
 
-    ``poses`` is a transforms.json, a cameras.json, a COLMAP folder or a raw export of Polycam;
-    without it the poses are solved from the photographs: of a video, or of a folder that has more, from
-    ``settings.max_keyframes`` that are chosen, or from those that ``frames`` gives, by numbers or names; ``first``,
+    ``poses`` are of any kind in ``captures.poses.formats``; a phone's recording or export brings its own, and
+    without any they are solved from the photographs. Of a video, or of a folder without poses that has more,
+    ``settings.max_keyframes`` are chosen, or those that ``frames`` gives, by numbers or names; ``first``,
     unless it is 0, takes so many photographs from the front of their list. Everything that can be wrong is looked
     at before the bundle appears: raises CaptureError, RobotError or SceneError and leaves nothing behind.
     """
     path, captures, poses = Path(path), Path(captures), poses and Path(poses)  # scripts give texts, too
     require_place(path)
     is_video = captures.is_file() and captures.suffix.lower() in VIDEOS
-    if first and (is_video or frames):
+    recording = find_recording(captures, poses)
+    if first and (is_video or recording is not None or frames):
         raise CaptureError(
             "the first photographs are asked for, and others",
             where=captures,
@@ -76,7 +77,7 @@ def create_scene(
         raise CaptureError(
             "there is no such folder", where=captures, cure="Give the folder of photographs, or a video."
         )
-    if is_video and poses is not None:
+    if is_video and poses is not None and recording is None:
         raise CaptureError(
             "poses are of photographs, and these are the frames of a video",
             where=poses,
@@ -91,14 +92,15 @@ def create_scene(
             progress.message(
                 f"{masks} is not read: masks of objects go in with `r2sego objects {path} --masks {masks}`"
             )
-    if not is_video:
+    if not is_video and recording is None:
         return _create_scene(path, captures, poses, robot, scope, scale, settings, progress, frames, first=first)
+    video, poses = recording or (captures, None)
     with ScratchFolder() as scratch:  # captures read their frames until the bundle has them
         folder = Path(scratch)
-        taken = video_keyframes(captures, folder, settings.max_keyframes, progress, frames)
-        names = [one.path.name for one in taken]
+        taken = video_keyframes(video, folder, settings.max_keyframes, progress, frames, recording is not None)
+        names = [one.path.name for one in taken] if recording is None else []
         chosen = tuple(map(str, taken))
-        return _create_scene(path, folder, None, robot, scope, scale, settings, progress, names, captures.name, chosen)
+        return _create_scene(path, folder, poses, robot, scope, scale, settings, progress, names, video.name, chosen)
 
 
 def _create_scene(

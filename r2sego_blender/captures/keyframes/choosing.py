@@ -42,12 +42,13 @@ class Keyframe:
 
 
 def video_keyframes(
-    video: Path, folder: Path, count: int, progress: Progress, frames: Sequence[str] = ()
+    video: Path, folder: Path, count: int, progress: Progress, frames: Sequence[str] = (), as_recorded: bool = False
 ) -> tuple[Keyframe, ...]:
     """Write ``count`` frames of ``video`` into ``folder`` as PNG files, upright, and say which.
 
     They are sharp, and together show most of the room from most places; or they are those that ``frames``
-    numbers. The same video gives the same frames. Raises CaptureError where the video cannot be read, or a
+    numbers. The same video gives the same frames. ``as_recorded``: not turned, and called by their number alone, as
+    the poses and the depth of a recording are of them. Raises CaptureError where the video cannot be read, or a
     number is none of its frames.
     """
     video_frames.require_video(video)
@@ -55,9 +56,9 @@ def video_keyframes(
     with ScratchFolder() as scratch:
         if not chosen:
             chosen = _chosen(video, count, Path(scratch), progress)
-        stem = re.sub(r"[^A-Za-z0-9-]", "_", video.stem)[:40] or "frame"
-        paths = [folder / f"{stem}_{number:06d}.png" for number in chosen]
-        request = {"frames": chosen, "paths": [str(path) for path in paths]}
+        stem = "" if as_recorded else (re.sub(r"[^A-Za-z0-9-]", "_", video.stem)[:40] or "frame") + "_"
+        paths = [folder / f"{stem}{number:06d}.png" for number in chosen]
+        request = {"frames": chosen, "paths": [str(path) for path in paths], "upright": not as_recorded}
         written = _in_child(video_frames.save_in_child, video, request, scratch, "Writing frames", progress)
     times_s = written["times_s"]
     if len(times_s) < len(chosen):

@@ -100,11 +100,13 @@ def grey_in_child(request: dict[str, Any]) -> dict[str, Any]:
 def save_in_child(request: dict[str, Any]) -> dict[str, Any]:
     """Write the frames numbered ``frames``, rising, as PNG files of the same places in ``paths``.
 
-    Returns the time of each in seconds, ``times_s``; it may be cut off with the video.
+    They are set upright where ``upright`` is true, else left as the sensor stored them. Returns the time of each in
+    seconds, ``times_s``; it may be cut off with the video.
     """
     limit_memory(_MOST_BYTES)
     times_s = []
-    for path, (_, frame) in zip(request["paths"], _numbered(request), strict=False):
+    frames = _numbered(request, request["upright"])
+    for path, (_, frame) in zip(request["paths"], frames, strict=False):
         save_image(Path(path), frame.image())
         times_s.append(frame.time_s)
     return {"times_s": times_s}
@@ -118,10 +120,10 @@ class _Frame(NamedTuple):
     image: Callable[[], np.ndarray]
 
 
-def _numbered(request: dict[str, Any]) -> Iterator[tuple[int, _Frame]]:
+def _numbered(request: dict[str, Any], upright: bool = True) -> Iterator[tuple[int, _Frame]]:
     """The frames numbered ``frames``, and their numbers; the file ``told`` as for ``measure_in_child``."""
     wanted, done = set(request["frames"]), 0
-    for number, frame in enumerate(_frames(request["video"])):
+    for number, frame in enumerate(_frames(request["video"], upright)):
         if number in wanted:
             yield number, frame
             done += 1
@@ -130,8 +132,8 @@ def _numbered(request: dict[str, Any]) -> Iterator[tuple[int, _Frame]]:
             return
 
 
-def _frames(video: str) -> Iterator[_Frame]:
-    """The frames of a video in their order; their images (H, W, 3) are uint8 RGB, upright. Raises CaptureError."""
+def _frames(video: str, upright: bool = True) -> Iterator[_Frame]:
+    """The frames of a video in their order; their images (H, W, 3) are uint8 RGB. Raises CaptureError."""
     require_video(Path(video))
     cv2.setLogLevel(0)
     opened = cv2.VideoCapture(video, cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, _THREADS])
@@ -144,7 +146,7 @@ def _frames(video: str) -> Iterator[_Frame]:
                 f"the video has frames of {width}x{height} pixels", where=video, cure="Save it at 4K or smaller."
             )
         opened.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)  # its default is not the same on all systems
-        turns = round(opened.get(cv2.CAP_PROP_ORIENTATION_META) / 90.0) % 4
+        turns = round(opened.get(cv2.CAP_PROP_ORIENTATION_META) / 90.0) % 4 if upright else 0
         claimed = max(opened.get(cv2.CAP_PROP_FRAME_COUNT), 1.0)
 
         def image() -> np.ndarray:

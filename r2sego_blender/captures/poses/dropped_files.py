@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...core.errors import CaptureError
-from .registry import is_part, is_pose_file, poses_beside
+from .registry import find_recording, is_part, is_pose_file, poses_beside
 
 PHOTOGRAPHS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".avif", ".heic", ".heif")
 """Suffixes of photographs, in small letters."""
@@ -24,8 +24,8 @@ _WITHIN_ROOMS = ("images", "photos", "captures", "sparse", "0", "keyframes", "rg
 class CaptureFiles:
     """What a new scene can begin with.
 
-    ``photographs`` is their folder or a video, None where it was not found; ``poses`` the pose file or
-    the folder of a COLMAP model, None to solve them; ``scene`` where the bundle could be made.
+    ``photographs`` is their folder, a video or a recording's folder, None where it was not found; ``poses`` the pose
+    file or the folder of a COLMAP model, None to solve them; ``scene`` where the bundle could be made.
     """
 
     photographs: Path | None
@@ -34,13 +34,16 @@ class CaptureFiles:
 
 
 def capture_files(dropped: Sequence[Path], suffix: str) -> CaptureFiles:
-    """What was dropped: photographs, a video, a folder, transforms.json, cameras.json or a COLMAP model.
+    """What was dropped: photographs, a video, a folder, transforms.json, cameras.json, a COLMAP model, a recording.
 
     A pose file and photographs may be dropped together. ``suffix`` is that of bundles. Raises
     CaptureError when there is nothing to begin with, or photographs of two folders.
     """
     poses, folders = None, []
     videos = [Path(one) for one in dropped if Path(one).suffix.lower() in VIDEOS and Path(one).is_file()]
+    for path in (Path(one) for one in dropped):
+        if (recording := _recording_of(path)) is not None:
+            return CaptureFiles(recording, None, recording.with_name(recording.name + suffix))
     if len(videos) == len(dropped) == 1:
         return CaptureFiles(videos[0], None, videos[0].with_suffix(suffix))
     for path in (Path(one) for one in dropped):
@@ -71,6 +74,14 @@ def capture_files(dropped: Sequence[Path], suffix: str) -> CaptureFiles:
     while room.name.lower() in _WITHIN_ROOMS and room.parent != room:
         room = room.parent
     return CaptureFiles(photographs, poses, room.parent / ((room.name or "room") + suffix))
+
+
+def _recording_of(path: Path) -> Path | None:
+    """The folder of a recording that is dropped, or whose video or poses are."""
+    found = None
+    if path.is_dir() or path.suffix.lower() in VIDEOS or is_pose_file(path):
+        found = find_recording(path.parent if is_pose_file(path) else path)
+    return None if found is None else found[0].parent
 
 
 def _photographs_near(folder: Path) -> Path | None:

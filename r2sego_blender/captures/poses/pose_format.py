@@ -44,8 +44,9 @@ class PoseFormat:
     these and the folder of photographs, and raises CaptureError. ``points`` gives the positions (P, 3)
     float64 and colours (P, 3) uint8 that come with the poses, in their frame, or None. ``files`` are names
     that its files have, ``parts`` those of files whose folder is the poses. ``photographs_too``: a folder of
-    it holds its own photographs, and is taken without being asked for. Kinds of a lower ``order`` are looked
-    for first.
+    it holds its own photographs, and is taken without being asked for. ``video`` gives the video that poses, as
+    ``find`` gives them, are of: ``read`` then finds its frames in the folder of photographs, as their sensor stored
+    them, called by their number alone, from 0. Kinds of a lower ``order`` are looked for first.
     """
 
     name: str
@@ -55,6 +56,7 @@ class PoseFormat:
     files: Sequence[str] = ()
     parts: Sequence[str] = ()
     photographs_too: bool = False
+    video: Callable[[Path], Path] | None = None
     order: int = 1000
 
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ...core.errors import CaptureError
 from ...core.progress import SILENT, Progress
@@ -21,6 +20,7 @@ from . import json_fields as fields
 from .finding import find_photographs
 from .photographs import Photograph, with_unique_names
 from .polycam import LIDAR_RANGE_M
+from .trajectories import pose_of
 from .transforms_json import GL_FROM_CV
 
 _POSE_NUMBERS, _MATRIX_NUMBERS, _LENS_NUMBERS = 7, 9, 4
@@ -51,8 +51,9 @@ def read_record3d(file: Path, most: int, progress: Progress = SILENT) -> list[Ph
     photographs = []
     for index, path in found:
         lens = Lens(width, height, *lenses[index].tolist())
-        pose = _pose(poses[index], f"{file}, poses[{index}]")
-        photographs.append(Photograph(path.name, path, lens, pose, f"{file}, poses[{index}]"))
+        where = f"{file}, poses[{index}]"
+        pose = pose_of(poses[index, :4], poses[index, 4:], where, "Export the recording again.") @ GL_FROM_CV
+        photographs.append(Photograph(path.name, path, lens, pose, where))
     return with_unique_names(photographs)
 
 
@@ -60,16 +61,6 @@ def lidar_depth(file: Path) -> SensorDepth | None:
     """The recording's depth maps, if they lie beside its ``metadata.json``: EXR in metres, of the frames' names."""
     folder = file.parent / "depth"
     return SensorDepth(folder, range_m=LIDAR_RANGE_M) if folder.is_dir() else None
-
-
-def _pose(numbers: np.ndarray, where: str) -> np.ndarray:
-    """``world_from_camera`` (4, 4) in OpenCV axes."""
-    length = float(np.linalg.norm(numbers[:4]))
-    if not 0.5 < length < 2.0:
-        raise CaptureError("the rotation is no quaternion", where=where, cure="Export the recording again.")
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = Rotation.from_quat(numbers[:4]).as_matrix(), numbers[4:]
-    return pose @ GL_FROM_CV
 
 
 def _numbers(data: dict[str, Any], key: str, count: int, file: Path) -> np.ndarray:

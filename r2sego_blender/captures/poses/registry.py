@@ -40,7 +40,8 @@ def find_poses(place: Path) -> tuple[PoseFormat, Path]:
             cure="Give the folder that holds them, see docs/formats.md.",
         )
     cure = f"Give a {known} (docs/formats.md): most programs that solve poses export one of these."
-    read_json(place, cure)  # says that it is missing, or what it is
+    if place.suffix.lower() == ".json" or not place.is_file():
+        read_json(place, cure)  # says that it is missing, or what is wrong
     raise CaptureError("the file is of no kind of poses that is read", where=place, cure=cure)
 
 
@@ -48,6 +49,20 @@ def find_export(folder: Path) -> tuple[PoseFormat, Path] | None:
     """The poses in a folder whose own photographs they are of, and their kind."""
     found = ((record, record.find(folder)) for record in FORMATS if record.photographs_too)
     return next(((record, places[0]) for record, places in found if places), None)
+
+
+def find_recording(place: Path, poses: Path | None = None) -> tuple[Path, Path] | None:
+    """The video and the poses of its frames, of a recording that has both; None for anything else.
+
+    ``place`` is the recording's folder or its video; ``poses`` are looked for there unless they are given.
+    """
+    folder = place.parent if place.is_file() else place
+    found = find_export(folder) if poses is None else find_poses(poses)
+    if found is None or found[0].video is None:
+        return None
+    video = found[0].video(found[1])
+    its_own = video.is_file() and place.exists() and place.samefile(video if place.is_file() else video.parent)
+    return (video, found[1]) if its_own else None
 
 
 def poses_beside(folder: Path) -> Sequence[Path]:

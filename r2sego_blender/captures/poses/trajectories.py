@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ...core.errors import CaptureError, may_not_be_read
 from ...core.images import image_files
@@ -49,6 +50,18 @@ def numbers_of(text: str, where: str) -> np.ndarray:
     if found.shape != (_NUMBERS,) or not np.isfinite(found).all():
         raise CaptureError(f"there is no pose of {_NUMBERS} numbers", where=where, cure=_CURE)
     return found
+
+
+def pose_of(quaternion: np.ndarray, place: np.ndarray, where: str, cure: str) -> np.ndarray:
+    """The pose (4, 4) float64 that turns by ``quaternion`` (4,) as x, y, z, w, and moves to ``place`` (3,).
+
+    Raises CaptureError where the quaternion's length is not about 1.
+    """
+    if not 0.5 < float(np.linalg.norm(quaternion)) < 2.0:
+        raise CaptureError("the rotation is no quaternion", where=where, cure=cure)
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = Rotation.from_quat(quaternion).as_matrix(), place
+    return pose
 
 
 def numbered_frames(folder: Path, stem: str) -> Mapping[int, Path]:

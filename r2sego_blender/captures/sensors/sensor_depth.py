@@ -44,7 +44,7 @@ class SensorDepth:
     an array ``depth`` or a single one); depth is planar, 0 unknown, of any size with the
     photograph's shape. Where ``confidence`` has a map of the same name its zeros are not
     believed, nor is depth beyond ``range_m``. Where a file of poses names the maps, ``files`` has
-    them by the captures' names, and they alone count.
+    them by the captures' names, and they alone count, as do ``confidence_files``.
     """
 
     folder: Path
@@ -52,6 +52,7 @@ class SensorDepth:
     range_m: float = _FARTHEST_M
     unit_m: float = MILLIMETRE_M
     files: Mapping[str, Path] = field(default_factory=dict)
+    confidence_files: Mapping[str, Path] = field(default_factory=dict)
 
     @staticmethod
     def beside(folder: Path, unit_m: float = MILLIMETRE_M) -> SensorDepth:
@@ -80,20 +81,21 @@ class SensorDepth:
             return None
         depth = _metres(path, self.unit_m)
         doubt: np.ndarray = np.ones(depth.shape, np.float32)
-        if self.confidence is not None:
+        sure = self.confidence_files.get(capture.name)
+        if self.confidence is not None and not self.files:
             sure = _named(self.confidence, stem, _CONFIDENCE_SUFFIXES)
-            if sure is not None:
-                believed = _read_image(sure)
-                if believed.shape != depth.shape:
-                    raise CaptureError(
-                        f"the confidence is {believed.shape[1]}x{believed.shape[0]}, the depth "
-                        f"{depth.shape[1]}x{depth.shape[0]}",
-                        where=sure,
-                        cure="Export both again.",
-                    )
-                depth[believed == 0] = 0.0
-                highest = next(level for level in _HIGHEST_CONFIDENCE if believed.max(initial=0) <= level)
-                doubt[believed < highest] = _LESS_SURE
+        if sure is not None:
+            believed = _read_image(sure)
+            if believed.shape != depth.shape:
+                raise CaptureError(
+                    f"the confidence is {believed.shape[1]}x{believed.shape[0]}, the depth "
+                    f"{depth.shape[1]}x{depth.shape[0]}",
+                    where=sure,
+                    cure="Export both again.",
+                )
+            depth[believed == 0] = 0.0
+            highest = next(level for level in _HIGHEST_CONFIDENCE if believed.max(initial=0) <= level)
+            doubt[believed < highest] = _LESS_SURE
         depth[depth > self.range_m] = 0.0
         return _upright(depth, capture, path), _upright(doubt, capture, path)
 

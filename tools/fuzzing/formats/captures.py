@@ -109,6 +109,29 @@ def _record3d(folder: Path) -> None:
     (folder / "poses/metadata.json").write_text(json.dumps({**lens, **own, "poses": poses}))
 
 
+def _stray_scanner(folder: Path) -> None:
+    of_tests("phone_recordings").stray_scanner(folder / "poses", list(map(camera, range(3))), _far)
+    photographs(folder)
+    for index, name in enumerate(NAMES):
+        (folder / name).rename(folder / f"{index:06d}{Path(name).suffix}")
+
+
+def _stray_scanner_of_one_lens(folder: Path) -> None:
+    _stray_scanner(folder)
+    odometry = folder / "poses/odometry.csv"
+    lines = [",".join(line.split(",")[:9]) for line in odometry.read_text().splitlines()]
+    odometry.write_text("\n".join(lines))
+
+
+def _three_d_scanner_app(folder: Path) -> None:
+    images = [np.full((24, 32, 3), 40 * i, np.uint8) for i in range(3)]
+    of_tests("phone_recordings").three_d_scanner_app(folder / "poses", list(map(camera, range(3))), images, _far)
+
+
+def _far(view: Camera) -> np.ndarray:
+    return np.full(view.shape, 2.0)
+
+
 def _semantic_nerf(folder: Path) -> None:
     of_tests("dataset_folders").semantic_nerf(folder / "poses", 4)
 
@@ -212,6 +235,9 @@ HARNESSES = (
     Harness("poses/frozen.json", _cameras, "poses/cameras.json", "json", _frozen),
     Harness("poses/polycam.json", _polycam, "poses/keyframes/cameras/b.json", "json", _posed),
     Harness("poses/record3d.json", _record3d, "poses/metadata.json", "json", _posed),
+    Harness("poses/odometry.csv", _stray_scanner, "poses/odometry.csv", "text", _posed),
+    Harness("poses/camera_matrix.csv", _stray_scanner_of_one_lens, "poses/camera_matrix.csv", "text", _posed),
+    Harness("poses/3d-scanner-app.json", _three_d_scanner_app, "poses/frame_00002.json", "json", _posed),
     Harness("poses/traj_w_c.txt", _semantic_nerf, "poses/traj_w_c.txt", "text", _posed),
     Harness("poses/traj.txt", _nice_slam, "poses/traj.txt", "text", _posed),
     Harness("poses/cam_params.json", _nice_slam, "poses/cam_params.json", "json", _posed),
