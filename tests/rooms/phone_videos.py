@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import struct
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -61,6 +62,26 @@ def write_video(path: Path, frames: Sequence[np.ndarray], fps: float = 10.0, tur
     if path.suffix in (".mp4", ".mov"):
         phone_video().turn(path, turns)
     return path
+
+
+def state_colours(video: Path, primaries: int, transfer: int, matrix: int) -> Path:
+    """Put a ``colr`` box into an MP4 file, in which ``moov`` comes last, as OpenCV writes it."""
+    colr = struct.pack(">I4s4sHHHB", 19, b"colr", b"nclx", primaries, transfer, matrix, 0)
+    path = [b"moov", b"trak", b"mdia", b"minf", b"stbl", b"stsd", b"mp4v"]
+    video.write_bytes(_with_box(video.read_bytes(), path, colr))
+    return video
+
+
+def _with_box(content: bytes, path: Sequence[bytes], box: bytes) -> bytes:
+    """What holds the boxes ``path``, one within the other, with another box at the end of the innermost."""
+    if not path:
+        return content + box
+    place = 8 if content[12:16] == path[0] and path[0] == b"mp4v" else 0  # of a list its head
+    while content[place + 4 : place + 8] != path[0]:
+        place += struct.unpack(">I", content[place : place + 4])[0]
+    size = struct.unpack(">I", content[place : place + 4])[0]
+    inner = _with_box(content[place + 8 : place + size], path[1:], box)
+    return content[:place] + struct.pack(">I4s", len(inner) + 8, path[0]) + inner + content[place + size :]
 
 
 def _turn(angle: float) -> np.ndarray:

@@ -6,7 +6,7 @@ import re
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from ..poses.photographs import MIN_CAPTURES
 from ..sharpness import reduced_grey, sharpness
 from . import video_frames
 from .thinning import likeness, sharpest_of_parts, thinned
+from .video_colours import colours_of
 
 _TIMEOUT_S = 3600.0
 _PAUSE_S = 0.2
@@ -58,7 +59,9 @@ def video_keyframes(
             chosen = _chosen(video, count, Path(scratch), progress)
         stem = "" if as_recorded else (re.sub(r"[^A-Za-z0-9-]", "_", video.stem)[:40] or "frame") + "_"
         paths = [folder / f"{stem}{number:06d}.png" for number in chosen]
+        colours = colours_of(video)
         request = {"frames": chosen, "paths": [str(path) for path in paths], "upright": not as_recorded}
+        request |= {"colours": astuple(colours)}
         written = _in_child(video_frames.save_in_child, video, request, scratch, "Writing frames", progress)
     times_s = written["times_s"]
     if len(times_s) < len(chosen):
@@ -66,6 +69,8 @@ def video_keyframes(
             f"it has no frame {chosen[len(times_s)]}", where=video, cure="Frames are numbered from 0; see --frames."
         )
     keyframes = tuple(Keyframe(*one) for one in zip(chosen, times_s, paths, strict=True))
+    if colours.hdr:
+        progress.message(f"{video.name} is HDR video ({colours.hdr}): its frames are tone-mapped to sRGB")
     progress.message(f"{video.name}: {len(keyframes)} frames are taken: {', '.join(map(str, keyframes))}")
     return keyframes
 

@@ -20,6 +20,7 @@ from ...core.images import save_image
 from ...core.resources import limit_memory
 from ...core.text_files import opened_file
 from ..sharpness import reduced_grey, sharpness
+from .video_colours import VideoColours
 
 DAMAGED_CURE = "Save it as MP4 (H.264 or HEVC), or give a folder of photographs."
 
@@ -100,14 +101,15 @@ def grey_in_child(request: dict[str, Any]) -> dict[str, Any]:
 def save_in_child(request: dict[str, Any]) -> dict[str, Any]:
     """Write the frames numbered ``frames``, rising, as PNG files of the same places in ``paths``.
 
-    They are set upright where ``upright`` is true, else left as the sensor stored them. Returns the time of each in
-    seconds, ``times_s``; it may be cut off with the video.
+    They are set upright where ``upright`` is true, else left as the sensor stored them; ``colours`` are the codes of
+    ``VideoColours``. Returns the time of each in seconds, ``times_s``; it may be cut off with the video.
     """
     limit_memory(_MOST_BYTES)
     times_s = []
+    colours = VideoColours(*request["colours"])
     frames = _numbered(request, request["upright"])
     for path, (_, frame) in zip(request["paths"], frames, strict=False):
-        save_image(Path(path), frame.image())
+        save_image(Path(path), colours.to_srgb(frame.image()))
         times_s.append(frame.time_s)
     return {"times_s": times_s}
 

@@ -13,7 +13,7 @@ from r2sego_blender.captures.capture import Capture
 from r2sego_blender.core.images import load_image, load_image_uint8, save_image
 
 from ..harness import Harness
-from ..seeds import SIZE, camera, photographs, pixels, save_picture
+from ..seeds import SIZE, camera, of_tests, photographs, pixels, save_picture
 
 _OPTIONS: dict[str, dict[str, Any]] = {".tif": {"compression": "tiff_lzw"}, ".webp": {"lossless": True}}
 
@@ -46,6 +46,17 @@ def _read_mask(folder: Path) -> Any:
 
     capture = Capture("a.png", folder / "a.png", camera(), mask_path=folder / "mask.png")
     return counted_pixels(capture)
+
+
+def _video(folder: Path) -> None:
+    videos = of_tests("phone_videos")
+    videos.state_colours(videos.write_video(folder / "a.mp4", [pixels(i) for i in range(3)], turns=0), 9, 18, 9)
+
+
+def _video_colours(folder: Path) -> Any:
+    from r2sego_blender.captures.keyframes.video_colours import colours_of
+
+    return colours_of(folder / "a.mp4").to_srgb(pixels())
 
 
 def _depth_map() -> np.ndarray:
@@ -126,6 +137,7 @@ HARNESSES = (
         Harness(f"pictures/{suffix[1:]}", _picture(suffix), f"a{suffix}", "bytes", _load(suffix))
         for suffix in (".jpg", ".tif", ".webp", ".bmp", ".avif", ".heic")
     ),
+    Harness("pictures/colours.mp4", _video, "a.mp4", "bytes", _video_colours),
     Harness("pictures/mask.png", _mask, "mask.png", "png", _read_mask),
     Harness("depth/png", _depth(".png"), "depth/a.png", "png", _read_depth),
     Harness("depth/tif", _depth(".tif"), "depth/a.tif", "bytes", _read_depth),
