@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,12 +11,29 @@ from ..config.settings import CaptureSettings
 from ..core.errors import CaptureError
 from ..core.progress import SILENT, Progress
 from .capture import Capture
+from .keyframes.choosing import photograph_keyframes
 from .poses.photographs import captures_of
 from .poses.plain_folder import plain_photographs
 from .poses.pose_format import Posed
 from .poses.registry import find_export, find_poses
 from .sensors.sensor_depth import SensorDepth
 from .solving.solving import solve_poses
+
+_ALL = 100_000
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which photographs are taken, where not those that are taken without being asked for.
+
+    ``names`` are those of photographs, or numbers of a video's frames. ``first``, unless it is 0, takes so many from
+    the front of the list: in the poses' own order, else in that of the names. ``keyframes``, unless it is 0, chooses so
+    many of those with poses, of which all are taken else.
+    """
+
+    names: tuple[str, ...] = ()
+    first: int = 0
+    keyframes: int = 0
 
 
 @dataclass(frozen=True)
@@ -39,38 +55,38 @@ class Imported:
 
 
 def import_captures(
-    folder: Path,
-    poses: Path | None,
-    settings: CaptureSettings,
-    progress: Progress = SILENT,
-    names: Sequence[str] = (),
-    first: int = 0,
+    folder: Path, poses: Path | None, settings: CaptureSettings, progress: Progress = SILENT, choice: Choice = Choice()
 ) -> Imported:
     """The photographs in ``folder`` as undistorted captures.
 
     ``poses`` are of any kind in ``poses.formats``, a file or a folder (docs/formats.md), or None: then
-    ``folder`` is an export with poses of its own, or they are solved from the photographs alone: from
-    those of ``names``, else from ``settings.max_keyframes`` that are chosen where there are more. ``first``, unless
-    it is 0, takes so many from the front of the list: in the poses' own order, else in that of the names.
-    Photographs are not copied: a capture undistorts and scales its file when it is read. Raises
-    CaptureError naming the file, the field and the cure.
+    ``folder`` is an export with poses of its own, or they are solved from the photographs alone, of which
+    ``settings.max_keyframes`` are chosen where there are more. Photographs are not copied: a capture undistorts and
+    scales its file when it is read. Raises CaptureError naming the file, the field and the cure.
     """
     folder = Path(folder)
     if not folder.is_dir():
         raise CaptureError("there is no such folder", where=folder, cure="Give a folder of photographs.")
     found = find_export(folder) if poses is None else find_poses(Path(poses))
-    if found is not None and names:
-        raise CaptureError(
-            "all photographs that have poses are taken", where=found[1], cure="Take --frames away, or the poses."
-        )
+    names = choice.names
     if found is None:
-        names = [path.name for path in plain_photographs(folder, SILENT)][:first] if first else names
+        names = (
+            tuple(path.name for path in plain_photographs(folder, SILENT))[: choice.first] if choice.first else names
+        )
         posed = Posed(*solve_poses(folder, settings, progress, names))
     else:
         record, poses = found
-        posed = record.read(poses, folder, settings, progress)
-        posed = replace(posed, photographs=posed.photographs[:first]) if first else posed
+        posed = record.read(poses, folder, replace(settings, max_keyframes=_ALL) if names else settings, progress)
+        posed = replace(posed, photographs=posed.photographs[: choice.first]) if choice.first else posed
+        if names or choice.keyframes:
+            posed = _chosen(posed, choice, progress)
     if not posed.photographs:
         raise CaptureError("no photograph is listed", where=poses, cure="Check the export of the poses.")
     captures = captures_of(posed.photographs, settings.max_side_px)
     return Imported(captures, posed.source, posed.metric, posed.up, posed.depth, found is None, posed.masks)
+
+
+def _chosen(posed: Posed, choice: Choice, progress: Progress) -> Posed:
+    by_path = {one.path: one for one in posed.photographs}
+    taken = photograph_keyframes(list(by_path), choice.keyframes, progress, choice.names)
+    return replace(posed, photographs=[by_path[path] for path in taken])

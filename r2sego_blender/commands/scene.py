@@ -29,8 +29,8 @@ from .options import ANY_PATH, Output, names_of, output_options, overrides_of, s
     "--keyframes",
     type=int,
     metavar="N",
-    help="Photographs to take of a video, or of a folder without poses that has more. Short for "
-    "--set captures.max_keyframes=N.",
+    help="Photographs to take of a video or of a folder that has more. Sets captures.max_keyframes, which "
+    "counts without it for videos, scans and photographs without poses.",
 )
 @click.option(
     "--frames",
@@ -93,13 +93,14 @@ def new(
     of the upright photograph at its full size.
     """
     from ..captures.frame.scale import Scale
+    from ..captures.importing import Choice
     from ..refine.creation import create_scene
 
     scale = scale_of(**given, robot=robot, scope=scope, command="new") or Scale.automatic()
     changes = overrides_of(overrides) | ({} if keyframes is None else {"captures.max_keyframes": keyframes})
     settings = with_overrides(changes).captures
-    taken = names_of(frames or "")
-    made = create_scene(scene, captures, poses, robot, scope, scale, settings, output.progress, taken, first)
+    choice = Choice(names_of(frames or ""), first, keyframes or 0)
+    made = create_scene(scene, captures, poses, robot, scope, scale, settings, output.progress, choice)
     made = made.declare(overrides=changes) if changes else made
     output.tell(scene=str(made.path), ground=made.declaration.ground, scale=made.declaration.scale_source)
     if preset is not None:

@@ -21,7 +21,7 @@ from ..captures.frame.ground_picture import save_ground_pictures
 from ..captures.frame.lifting import in_photograph
 from ..captures.frame.scale import KNOWN_LENGTH, Scale, require_marker
 from ..captures.frame.world_frame import register
-from ..captures.importing import import_captures
+from ..captures.importing import Choice, import_captures
 from ..captures.keyframes.choosing import video_keyframes
 from ..captures.masks import FOLDER as MASKS
 from ..captures.pose_adjustment import triangulate_refined
@@ -52,22 +52,20 @@ def create_scene(
     scale: Scale = Scale.automatic(),
     settings: CaptureSettings = CaptureSettings(),
     progress: Progress = SILENT,
-    frames: Sequence[str] = (),
-    first: int = 0,
+    choice: Choice = Choice(),
 ) -> Scene:
     """Make the bundle ``path`` from the photographs in the folder ``captures``, or from frames of a video.
 
     ``poses`` are of any kind in ``captures.poses.formats``; a phone's recording or export brings its own, and
     without any they are solved from the photographs. Of a video, or of a folder without poses that has more,
-    ``settings.max_keyframes`` are chosen, or those that ``frames`` gives, by numbers or names; ``first``,
-    unless it is 0, takes so many photographs from the front of their list. Everything that can be wrong is looked
-    at before the bundle appears: raises CaptureError, RobotError or SceneError and leaves nothing behind.
+    ``settings.max_keyframes`` are chosen; ``choice`` chooses otherwise. Everything that can be wrong is looked at
+    before the bundle appears: raises CaptureError, RobotError or SceneError and leaves nothing behind.
     """
     path, captures, poses = Path(path), Path(captures), poses and Path(poses)  # scripts give texts, too
     require_place(path)
     is_video = captures.is_file() and captures.suffix.lower() in VIDEOS
     recording = find_recording(captures, poses)
-    if first and (is_video or recording is not None or frames):
+    if choice.first and (is_video or recording is not None or choice.names):
         raise CaptureError(
             "the first photographs are asked for, and others",
             where=captures,
@@ -93,14 +91,14 @@ def create_scene(
                 f"{masks} is not read: masks of objects go in with `r2sego objects {path} --masks {masks}`"
             )
     if not is_video and recording is None:
-        return _create_scene(path, captures, poses, robot, scope, scale, settings, progress, frames, first=first)
+        return _create_scene(path, captures, poses, robot, scope, scale, settings, progress, choice)
     video, poses = recording or (captures, None)
     with ScratchFolder() as scratch:  # captures read their frames until the bundle has them
         folder = Path(scratch)
-        taken = video_keyframes(video, folder, settings.max_keyframes, progress, frames, recording is not None)
-        names = [one.path.name for one in taken] if recording is None else []
+        taken = video_keyframes(video, folder, settings.max_keyframes, progress, choice.names, recording is not None)
+        choice = Choice(tuple(one.path.name for one in taken))
         chosen = tuple(map(str, taken))
-        return _create_scene(path, folder, poses, robot, scope, scale, settings, progress, names, video.name, chosen)
+        return _create_scene(path, folder, poses, robot, scope, scale, settings, progress, choice, video.name, chosen)
 
 
 def _create_scene(
@@ -112,15 +110,18 @@ def _create_scene(
     scale: Scale,
     settings: CaptureSettings,
     progress: Progress,
-    names: Sequence[str],
+    choice: Choice,
     video: str = "",
     chosen: tuple[str, ...] = (),
-    first: int = 0,
 ) -> Scene:
     """``create_scene`` of photographs that lie as files; those of a ``video`` were ``chosen``."""
     _look_over(scale, captures, solved=poses is None and find_export(captures) is None)
-    imported = import_captures(captures, poses, settings, progress, names, first)
+    imported = import_captures(captures, poses, settings, progress, choice)
     progress.message(f"{len(imported.captures)} captures: {imported.source}")
+    if len(imported.captures) > settings.max_keyframes:
+        progress.message(
+            f"each takes its time in every step: --keyframes {settings.max_keyframes} takes that many that show most"
+        )
     imported, sparse = triangulate_refined(imported, settings, progress)
     imported = replace(imported, captures=_evened(imported.captures, sparse, settings, progress))
     registration = register(imported, sparse, scale, settings, progress)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import cv2
 import numpy as np
 import pytest
 from cameras_file import save_cameras_json
@@ -12,7 +13,7 @@ from PIL import Image
 
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.frozen import load_frozen_views
-from r2sego_blender.captures.importing import import_captures
+from r2sego_blender.captures.importing import Choice, import_captures
 from r2sego_blender.captures.lenses.distortion import COEFFICIENTS
 from r2sego_blender.captures.lenses.lens import Lens
 from r2sego_blender.captures.poses.colmap_files import find_models
@@ -20,6 +21,7 @@ from r2sego_blender.captures.poses.photographs import Photograph, posed_captures
 from r2sego_blender.config.settings import CaptureSettings
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import CaptureError
+from r2sego_blender.core.images import save_image
 
 SETTINGS = CaptureSettings()
 GL = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -64,10 +66,36 @@ def test_the_first_photographs_are_those_that_the_poses_list_first(tmp_path, rng
     listed["frames"] = [listed["frames"][i] for i in (3, 0, 4, 1, 2)]
     path.write_text(json.dumps(listed))
     for first in (3, 4, 5):
-        captures = import_captures(tmp_path, path, SETTINGS, first=first).captures
+        captures = import_captures(tmp_path, path, SETTINGS, choice=Choice(first=first)).captures
         assert [c.name for c in captures] == ["p3.png", "p0.png", "p4.png", "p1.png", "p2.png"][:first]
         for capture, index in zip(captures, (3, 0, 4, 1, 2), strict=False):
             assert np.abs(capture.camera.world_from_camera - poses[index]).max() < 1e-9
+
+
+def test_of_many_photographs_with_poses_those_are_taken_that_are_asked_for(tmp_path, rng, room, messages):
+    cameras = [
+        Camera(160, 120, 130.0, 130.0, 80.0, 60.0, look_at((0.2 * i - 1.0, -2.3, 1.5), (0.1, 0.6, 0.6)))
+        for i in range(10)
+    ]
+    (tmp_path / "images").mkdir()
+    for i, camera in enumerate(cameras):
+        image = cv2.GaussianBlur(room.image(camera), (0, 0), 3.0) if i % 3 == 1 else room.image(camera)
+        save_image(tmp_path / "images" / f"p{i}.png", image)
+    poses = [camera.world_from_camera for camera in cameras]
+    path = _transforms(tmp_path, poses, {"fl_x": 130.0, "w": 160, "h": 120})
+    for choice, wanted in (
+        (Choice(), set(range(10))),
+        (Choice(("p7.png", "p1.png", "p2.png")), {1, 2, 7}),
+        (Choice(keyframes=5), None),
+        (Choice(keyframes=11), set(range(10))),
+    ):
+        captures = import_captures(tmp_path, path, SETTINGS, messages, choice).captures
+        numbers = [int(capture.name[1]) for capture in captures]
+        assert set(numbers) == wanted if wanted else len(numbers) == 5 and not {1, 4, 7} & set(numbers)
+        for capture, number in zip(captures, numbers, strict=True):
+            assert np.abs(capture.camera.world_from_camera - cameras[number].world_from_camera).max() < 1e-9
+    with refused(CaptureError):
+        import_captures(tmp_path, path, SETTINGS, messages, Choice(("q.png",)))
 
 
 def test_transforms_json_with_intrinsics_in_each_frame_and_distortion(tmp_path, rng, blank_photograph):
