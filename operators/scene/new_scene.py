@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 from bpy.props import EnumProperty, FloatProperty, StringProperty
 
-from ...r2sego_blender.captures.poses.dropped_files import VIDEOS
+from ...r2sego_blender.captures.poses.dropped_files import ARCHIVES, VIDEOS
 from ...r2sego_blender.core.errors import CaptureError, SceneError
 from ...r2sego_blender.results.panels.bundle import SUFFIX, Bundle
 from ...r2sego_blender.results.panels.scene_choices import robot_choices, scope_choices
@@ -32,8 +32,8 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
     filter_glob: StringProperty(default=f"*{SUFFIX}", options={"HIDDEN"})
     captures: StringProperty(
         name="Photographs",
-        description="Folder of photographs of the room, three at least, a phone's recording with poses, or a video "
-        "of a walk through it",
+        description="Folder of photographs of the room, three at least, or a zip of it; what a phone's scanner "
+        "wrote; or a video of a walk through it",
         subtype="FILE_PATH",
         options={"SKIP_SAVE"},
     )
@@ -149,9 +149,9 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
         return f"Made {bundle.path.name}: {result.get('scale', '')}{show_room(context.scene, bundle)}"
 
     def _photographs(self):
-        """The folder or the video that is chosen, or the folder of a photograph that is."""
+        """The folder, the zip or the video that is chosen, or the folder of a photograph that is."""
         path = Path(bpy.path.abspath(self.captures))
-        return path.parent if path.is_file() and path.suffix.lower() not in VIDEOS else path
+        return path.parent if path.is_file() and path.suffix.lower() not in (*VIDEOS, *ARCHIVES) else path
 
     def _bundle_path(self):
         if not self.filepath:

@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 from bpy.props import CollectionProperty, StringProperty
 
-from ...r2sego_blender.captures.poses.dropped_files import PHOTOGRAPHS, VIDEOS, capture_files
+from ...r2sego_blender.captures.poses.dropped_files import ARCHIVES, PHOTOGRAPHS, VIDEOS, capture_files
 from ...r2sego_blender.core.errors import R2SEgoError
 from ...r2sego_blender.results.panels.bundle import SUFFIX
 from ..base import needs_idle_engine, needs_own_scene, told
@@ -74,7 +74,7 @@ class R2SEGO_FH_captures(bpy.types.FileHandler):
     bl_idname = "R2SEGO_FH_captures"
     bl_label = "R2S-EGO Captures"
     bl_import_operator = R2SEGO_OT_new_scene_from_files.bl_idname
-    bl_file_extensions = ";".join((*PHOTOGRAPHS, *VIDEOS, ".json", ".bin", ".txt", ".csv"))
+    bl_file_extensions = ";".join((*PHOTOGRAPHS, *VIDEOS, *ARCHIVES, ".json", ".bin", ".txt", ".csv"))
 
     @classmethod
     def poll_drop(cls, context):

@@ -23,7 +23,7 @@ from .options import ANY_PATH, Output, names_of, output_options, overrides_of, s
     "--captures",
     required=True,
     type=ANY_PATH,
-    help="Folder of photographs, three at least, a phone's recording with poses, or a video of a walk.",
+    help="Folder of photographs, three at least, or a zip of it; what a phone's scanner wrote; or a video of a walk.",
 )
 @click.option(
     "--keyframes",

@@ -13,6 +13,7 @@ from ..bundle.creating import create_bundle, require_place
 from ..bundle.declaration import Declaration
 from ..bundle.layout import GROUND_PICTURES
 from ..bundle.scene import Scene
+from ..captures.archives import is_archive, unpack
 from ..captures.blur import relative_sharpness, weights_of
 from ..captures.capture import Capture
 from ..captures.exposure import exposure_gains_of
@@ -54,7 +55,7 @@ def create_scene(
     progress: Progress = SILENT,
     choice: Choice = Choice(),
 ) -> Scene:
-    """Make the bundle ``path`` from the photographs in the folder ``captures``, or from frames of a video.
+    """Make the bundle ``path`` from the photographs in the folder or zip ``captures``, or from frames of a video.
 
     ``poses`` are of any kind in ``captures.poses.formats``; a phone's recording or export brings its own, and
     without any they are solved from the photographs. Of a video, or of a folder without poses that has more,
@@ -63,6 +64,10 @@ def create_scene(
     """
     path, captures, poses = Path(path), Path(captures), poses and Path(poses)  # scripts give texts, too
     require_place(path)
+    if is_archive(captures):
+        with ScratchFolder() as unpacked:
+            folder = unpack(captures, Path(unpacked), progress)
+            return create_scene(path, folder, poses, robot, scope, scale, settings, progress, choice)
     is_video = captures.is_file() and captures.suffix.lower() in VIDEOS
     recording = find_recording(captures, poses)
     if choice.first and (is_video or recording is not None or choice.names):
@@ -73,7 +78,7 @@ def create_scene(
         )
     if not (is_video or captures.is_dir()):
         raise CaptureError(
-            "there is no such folder", where=captures, cure="Give the folder of photographs, or a video."
+            "there is no such folder", where=captures, cure="Give the folder of photographs, a zip of it, or a video."
         )
     if is_video and poses is not None and recording is None:
         raise CaptureError(

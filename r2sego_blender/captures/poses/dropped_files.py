@@ -15,6 +15,9 @@ PHOTOGRAPHS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".avif
 VIDEOS = (".mov", ".mp4", ".m4v", ".avi", ".mkv", ".webm", ".3gp")
 """Suffixes of videos, in small letters."""
 
+ARCHIVES = (".zip",)
+"""Suffixes of archives of photographs, in small letters."""
+
 # Where the photographs of a pose file or a COLMAP model lie, seen from its folder.
 _NEAR = ("images", "photos", ".", "rgb", "results", "../images", "../photos", "../../images", "../../photos", "..")
 _WITHIN_ROOMS = ("images", "photos", "captures", "sparse", "0", "keyframes", "rgb", "results")
@@ -24,8 +27,9 @@ _WITHIN_ROOMS = ("images", "photos", "captures", "sparse", "0", "keyframes", "rg
 class CaptureFiles:
     """What a new scene can begin with.
 
-    ``photographs`` is their folder, a video or a recording's folder, None where it was not found; ``poses`` the pose
-    file or the folder of a COLMAP model, None to solve them; ``scene`` where the bundle could be made.
+    ``photographs`` is their folder, a zip of it, a video or a recording's folder, None where it was not found;
+    ``poses`` the pose file or the folder of a COLMAP model, None to solve them; ``scene`` where the bundle could be
+    made.
     """
 
     photographs: Path | None
@@ -34,18 +38,18 @@ class CaptureFiles:
 
 
 def capture_files(dropped: Sequence[Path], suffix: str) -> CaptureFiles:
-    """What was dropped: photographs, a video, a folder, transforms.json, cameras.json, a COLMAP model, a recording.
+    """What was dropped: photographs, a zip, a video, a folder, a pose file, a COLMAP model, a recording.
 
     A pose file and photographs may be dropped together. ``suffix`` is that of bundles. Raises
     CaptureError when there is nothing to begin with, or photographs of two folders.
     """
     poses, folders = None, []
-    videos = [Path(one) for one in dropped if Path(one).suffix.lower() in VIDEOS and Path(one).is_file()]
+    whole = [Path(one) for one in dropped if Path(one).suffix.lower() in (*VIDEOS, *ARCHIVES) and Path(one).is_file()]
     for path in (Path(one) for one in dropped):
         if (recording := _recording_of(path)) is not None:
             return CaptureFiles(recording, None, recording.with_name(recording.name + suffix))
-    if len(videos) == len(dropped) == 1:
-        return CaptureFiles(videos[0], None, videos[0].with_suffix(suffix))
+    if len(whole) == len(dropped) == 1:
+        return CaptureFiles(whole[0], None, whole[0].with_suffix(suffix))
     for path in (Path(one) for one in dropped):
         if path.is_dir():
             poses = poses or next(iter(poses_beside(path)), None)
@@ -61,7 +65,7 @@ def capture_files(dropped: Sequence[Path], suffix: str) -> CaptureFiles:
         raise CaptureError(
             "these are no photographs and no poses",
             where=dropped[0] if dropped else "the dropped files",
-            cure="Drop photographs, one video, transforms.json, cameras.json or the files of a COLMAP model.",
+            cure="Drop photographs, one zip, one video, transforms.json, cameras.json or the files of a COLMAP model.",
         )
     if len(set(folders)) > 1:
         raise CaptureError(

@@ -47,6 +47,12 @@ def test_what_is_dropped_is_found(room, dropped, photographs, poses):
     assert found.scene == room.with_name("kitchen.r2s")
 
 
+def test_an_archive_is_taken_as_it_is(tmp_path):
+    (tmp_path / "scan.ZIP").write_bytes(b"PK")
+    found = capture_files([tmp_path / "scan.ZIP"], ".r2s")
+    assert (found.photographs, found.poses, found.scene) == (tmp_path / "scan.ZIP", None, tmp_path / "scan.r2s")
+
+
 def test_a_folder_without_a_name_above_the_photographs(room, monkeypatch):
     """As on a camera's card, whose root has none."""
     monkeypatch.chdir(room)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -128,6 +130,20 @@ def _three_d_scanner_app(folder: Path) -> None:
     of_tests("phone_recordings").three_d_scanner_app(folder / "poses", list(map(camera, range(3))), images, _far)
 
 
+def _scan_zip(folder: Path) -> None:
+    _three_d_scanner_app(folder)
+    shutil.make_archive(str(folder / "scan"), "zip", folder / "poses")
+    shutil.rmtree(folder / "poses")
+
+
+def _unpacked(folder: Path) -> Any:
+    from r2sego_blender.captures.archives import unpack
+    from r2sego_blender.captures.importing import import_captures
+
+    with tempfile.TemporaryDirectory(dir=folder) as place:
+        return import_captures(unpack(folder / "scan.zip", Path(place), SILENT), None, CaptureSettings()).captures
+
+
 def _far(view: Camera) -> np.ndarray:
     return np.full(view.shape, 2.0)
 
@@ -238,6 +254,7 @@ HARNESSES = (
     Harness("poses/odometry.csv", _stray_scanner, "poses/odometry.csv", "text", _posed),
     Harness("poses/camera_matrix.csv", _stray_scanner_of_one_lens, "poses/camera_matrix.csv", "text", _posed),
     Harness("poses/3d-scanner-app.json", _three_d_scanner_app, "poses/frame_00002.json", "json", _posed),
+    Harness("poses/scan.zip", _scan_zip, "scan.zip", "bytes", _unpacked, share=0.3),
     Harness("poses/traj_w_c.txt", _semantic_nerf, "poses/traj_w_c.txt", "text", _posed),
     Harness("poses/traj.txt", _nice_slam, "poses/traj.txt", "text", _posed),
     Harness("poses/cam_params.json", _nice_slam, "poses/cam_params.json", "json", _posed),

@@ -1,0 +1,109 @@
+"""Zip archives as phones share scans and photographs: unpacked into a folder, within bounds."""
+
+from __future__ import annotations
+
+import shutil
+import stat
+import struct
+import zipfile
+from pathlib import Path, PurePosixPath
+from typing import IO
+
+from ..core.errors import CaptureError
+from ..core.progress import Progress
+from ..core.text_files import opened_file
+from .poses.dropped_files import ARCHIVES
+
+_MOST_BYTES = 64 << 30
+_MOST_TIMES = 50  # photographs and videos are compressed already, depth and text by some ten times
+_ALWAYS_BYTES = 64 << 20
+_MOST_FILES = 100_000
+_MOST_DIRECTORY_BYTES = 32 << 20
+_LONGEST_COMMENT = 1 << 16
+_PIECE_BYTES = 4 << 20
+_UNSPECIFIED = 0xFFFFFFFF
+_CURE = "Save or share it again, or unpack it and give the folder."
+
+
+def is_archive(path: Path) -> bool:
+    """Whether this is a file that is called as an archive."""
+    return path.suffix.lower() in ARCHIVES and path.is_file()
+
+
+def unpack(archive: Path, folder: Path, progress: Progress) -> Path:
+    """Unpack an archive into an empty folder; the innermost folder in it that holds all there is.
+
+    What a Mac puts beside its files is passed over, and so are links. Raises CaptureError for what is no archive,
+    is damaged or encrypted, has names that lead out of it, or is far larger than photographs can be packed into.
+    """
+    try:
+        with opened_file(archive) as stream:
+            _require_small_directory(archive, stream)
+            with zipfile.ZipFile(stream) as opened:
+                _unpack(archive, opened, folder, progress)
+    except (OSError, ValueError, EOFError, NotImplementedError, RuntimeError, zipfile.BadZipFile) as error:
+        raise _refused(archive, f"it cannot be unpacked ({error})") from error
+    except Exception as error:  # zlib, lzma and bz2 raise their own
+        if isinstance(error, CaptureError):
+            raise
+        raise _refused(archive, "it is damaged") from error
+    inside = folder
+    while len(places := list(inside.iterdir())) == 1 and places[0].is_dir():
+        inside = places[0]
+    return inside
+
+
+def _unpack(archive: Path, opened: zipfile.ZipFile, folder: Path, progress: Progress) -> None:
+    members = [member for member in opened.infolist() if not member.is_dir() and not _passed_over(member)]
+    total = sum(member.file_size for member in members)
+    packed = archive.stat().st_size
+    if len(members) > _MOST_FILES or total > min(_MOST_BYTES, max(_ALWAYS_BYTES, _MOST_TIMES * packed)):
+        raise _refused(archive, f"{packed} bytes hold {len(members)} files of {total} bytes")
+    if total > shutil.disk_usage(folder).free:
+        raise CaptureError(
+            f"there is no space for its {total} bytes", where=folder, cure="Free some, or set TMPDIR to another disk."
+        )
+    with progress.task("Unpacking", max(total, 1)) as task:
+        for member in members:
+            place = folder / _inside(archive, member.filename)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            with opened.open(member) as source, place.open("xb") as target:
+                while piece := source.read(_PIECE_BYTES):
+                    target.write(piece)
+                    task.advance(len(piece))
+
+
+def _passed_over(member: zipfile.ZipInfo) -> bool:
+    name = PurePosixPath(member.filename)
+    return "__MACOSX" in name.parts or name.name == ".DS_Store" or stat.S_ISLNK(member.external_attr >> 16)
+
+
+def _inside(archive: Path, name: str) -> PurePosixPath:
+    path = PurePosixPath(name.replace("\\", "/"))
+    if path.is_absolute() or ".." in path.parts or ":" in name or not path.parts:
+        raise _refused(archive, "it has names that lead out of it")
+    return path
+
+
+def _require_small_directory(archive: Path, stream: IO[bytes]) -> None:
+    """Raises CaptureError where the list of files, which is read as a whole, is larger than any of a scan."""
+    size = stream.seek(0, 2)
+    begin = max(0, size - _LONGEST_COMMENT - 22)
+    stream.seek(begin)
+    end = stream.read()
+    place = end.rfind(b"PK\5\6")
+    if place < 0 or place + 22 > len(end):
+        raise _refused(archive, "it is no zip archive, or cut short")
+    (directory,) = struct.unpack_from("<I", end, place + 12)
+    if directory == _UNSPECIFIED and place >= 20 and end[place - 20 : place - 16] == b"PK\6\7":
+        (record,) = struct.unpack_from("<Q", end, place - 12)
+        stream.seek(min(record, size))
+        head = stream.read(48)
+        directory = struct.unpack_from("<Q", head, 40)[0] if len(head) == 48 else directory
+    if directory > _MOST_DIRECTORY_BYTES:
+        raise _refused(archive, f"its list of files has {directory} bytes")
+    stream.seek(0)
+
+
+def _refused(archive: Path, why: str) -> CaptureError:
+    return CaptureError(f"this archive is not taken: {why}", where=archive, cure=_CURE)
