@@ -12,7 +12,7 @@ from typing import IO
 from ..core.errors import CaptureError
 from ..core.progress import Progress
 from ..core.text_files import opened_file
-from .poses.dropped_files import ARCHIVES
+from .poses.dropped_files import ARCHIVES, VIDEOS
 
 _MOST_BYTES = 64 << 30
 _MOST_TIMES = 50  # photographs and videos are compressed already, depth and text by some ten times
@@ -31,7 +31,7 @@ def is_archive(path: Path) -> bool:
 
 
 def unpack(archive: Path, folder: Path, progress: Progress) -> Path:
-    """Unpack an archive into an empty folder; the innermost folder in it that holds all there is.
+    """Unpack an archive into an empty folder; the innermost folder in it that holds all there is, or its one video.
 
     What a Mac puts beside its files is passed over, and so are links. Raises CaptureError for what is no archive,
     is damaged or encrypted, has names that lead out of it, or is far larger than photographs can be packed into.
@@ -48,7 +48,9 @@ def unpack(archive: Path, folder: Path, progress: Progress) -> Path:
             raise
         raise _refused(archive, "it is damaged") from error
     inside = folder
-    while len(places := list(inside.iterdir())) == 1 and places[0].is_dir():
+    while inside.is_dir() and len(places := list(inside.iterdir())) == 1:
+        if not (places[0].is_dir() or places[0].suffix.lower() in VIDEOS):
+            break
         inside = places[0]
     return inside
 

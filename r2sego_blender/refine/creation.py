@@ -76,6 +76,12 @@ def create_scene(
             where=captures,
             cure="Give --frames, or --first of photographs.",
         )
+    if captures.is_file() and captures.suffix.lower() == ".r3d":
+        raise CaptureError(
+            "Record3D's own recordings are not read",
+            where=captures,
+            cure="Export it in Record3D as EXR + JPG sequence, and give that folder, or a zip of it.",
+        )
     if not (is_video or captures.is_dir()):
         raise CaptureError(
             "there is no such folder", where=captures, cure="Give the folder of photographs, a zip of it, or a video."

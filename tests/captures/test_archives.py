@@ -62,6 +62,12 @@ def test_a_shared_scan_becomes_a_bundle(tmp_path, room, room_cameras):
     assert np.abs(turn - true).max() < 0.02
 
 
+def test_of_one_video_it_is_the_video(tmp_path):
+    file = archive(tmp_path / "walk.zip", {"today/walk.MOV": b"1"})
+    (tmp_path / "in").mkdir()
+    assert unpack(file, tmp_path / "in", SILENT) == tmp_path / "in/today/walk.MOV"
+
+
 @pytest.mark.parametrize("name", ["../out.jpg", "a/../../out.jpg", "/out.jpg", "..\\out.jpg", "C:\\out.jpg", "a/.."])
 def test_names_that_lead_out_are_refused(tmp_path, name):
     file = archive(tmp_path / "scan.zip", {"a.jpg": b"1", name: b"2"})

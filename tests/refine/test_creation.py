@@ -52,6 +52,12 @@ def test_masks_beside_the_photographs_are_told_with_the_command_that_reads_them(
     assert f"`r2sego objects {scene} --masks {tmp_path / place}`" in line
 
 
+def test_what_record3d_keeps_for_itself_is_refused_with_what_it_exports(tmp_path):
+    (tmp_path / "room.r3d").write_bytes(b"PK")
+    with refused(CaptureError, tmp_path / "room.r3d", cure="EXR"):
+        create_scene(tmp_path / "room.r2s", tmp_path / "room.r3d")
+
+
 def test_a_script_may_give_texts_for_paths(tmp_path):
     (tmp_path / "photos").mkdir()
     with pytest.raises(CaptureError, match=r"nowhere.*there is no such folder"):

@@ -57,12 +57,15 @@ def find_recording(place: Path, poses: Path | None = None) -> tuple[Path, Path] 
     ``place`` is the recording's folder or its video; ``poses`` are looked for there unless they are given.
     """
     folder = place.parent if place.is_file() else place
-    found = find_export(folder) if poses is None else find_poses(poses)
-    if found is None or found[0].video is None:
-        return None
-    video = found[0].video(found[1])
-    its_own = video.is_file() and place.exists() and place.samefile(video if place.is_file() else video.parent)
-    return (video, found[1]) if its_own else None
+    for record in FORMATS:
+        if record.video is None:
+            continue
+        for found in record.find(folder if poses is None else poses):
+            video = record.video(found)
+            given = video if place.is_file() else video.parent
+            if video.is_file() and place.exists() and place.samefile(given):
+                return video, found
+    return None
 
 
 def poses_beside(folder: Path) -> Sequence[Path]:
