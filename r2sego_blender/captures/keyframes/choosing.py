@@ -48,15 +48,15 @@ def video_keyframes(
     """Write ``count`` frames of ``video`` into ``folder`` as PNG files, upright, and say which.
 
     They are sharp, and together show most of the room from most places; or they are those that ``frames``
-    numbers. The same video gives the same frames. ``as_recorded``: not turned, and called by their number alone, as
-    the poses and the depth of a recording are of them. Raises CaptureError where the video cannot be read, or a
-    number is none of its frames.
+    numbers. The same video gives the same frames. ``as_recorded``: poses and depth of a recording are of them, so they
+    are not turned, are called by their number alone, and need not hang together. Raises CaptureError where the video
+    cannot be read, or a number is none of its frames.
     """
     video_frames.require_video(video)
     chosen = sorted(_numbers(frames))
     with ScratchFolder() as scratch:
         if not chosen:
-            chosen = _chosen(video, count, Path(scratch), progress)
+            chosen = _chosen(video, count, Path(scratch), progress, joined=not as_recorded)
         stem = "" if as_recorded else (re.sub(r"[^A-Za-z0-9-]", "_", video.stem)[:40] or "frame") + "_"
         paths = [folder / f"{stem}{number:06d}.png" for number in chosen]
         colours = colours_of(video)
@@ -109,8 +109,8 @@ def photograph_keyframes(
     return chosen
 
 
-def _chosen(video: Path, count: int, scratch: Path, progress: Progress) -> list[int]:
-    """The numbers of the frames to take, rising."""
+def _chosen(video: Path, count: int, scratch: Path, progress: Progress, joined: bool) -> list[int]:
+    """The numbers of the frames to take, rising: along the whole way, or as they hang together if ``joined``."""
     measures, greys_file = scratch / "measures.npz", scratch / "grey.npz"
     looked = _in_child(
         video_frames.measure_in_child, video, {"measures": str(measures)}, scratch, "Looking over the video", progress
@@ -123,7 +123,7 @@ def _chosen(video: Path, count: int, scratch: Path, progress: Progress) -> list[
             where=video,
             cure="Film the room while you walk through it.",
         )
-    candidates = sharpest_of_parts(motion, sharp, _compared(count))
+    candidates = sharpest_of_parts(motion, sharp, _compared(count) if joined else count)
     if len(candidates) <= count:
         return [int(number) for number in frame[candidates]]
     request = {"frames": frame[candidates].tolist(), "grey": str(greys_file)}

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 _FEATURES = 500
 _MAX_RATIO = 0.8
@@ -18,6 +19,8 @@ _BLURRED = 0.4
 """Of the neighbours' median sharpness; what is less sharp is blurred, whatever it shows."""
 
 _CLEARLY_SHARPER = 1.5
+# How alike pictures are that hold others together, from what poses are solved with ease to what is just seen.
+_LINKS = (0.2, 0.1, 0.05, 0.0)
 
 
 def sharpest_of_parts(ways: np.ndarray, sharpness: np.ndarray, parts: int) -> np.ndarray:
@@ -78,7 +81,9 @@ def thinned(alike: np.ndarray, sharpness: np.ndarray, count: int) -> np.ndarray:
 
     ``alike`` (n, n) is their likeness, ``sharpness`` (n,) as for ``sharpest_of_parts``; they come in
     an order in which neighbours show much the same. First go those that share nothing with any other,
-    then those that are blurred, and then again and again one of the two that are most alike.
+    then those that are blurred, and then again and again one of the two that are most alike, as long as what is
+    left hangs together: by much that is shared while there are such to spare, then by less. Where all are links
+    of a chain, it is shortened.
     """
     kept = list(range(len(sharpness)))
     alone = [i for i in kept if alike[i].max(initial=0.0) <= 0.0]
@@ -87,17 +92,51 @@ def thinned(alike: np.ndarray, sharpness: np.ndarray, count: int) -> np.ndarray:
     for one in [*alone, *sorted(blurred, key=lambda i: (relative[i], i))]:
         if len(kept) > count:
             kept.remove(one)
+    for linked in _LINKS:
+        while len(kept) > count and (spare := _spare(alike, sharpness, kept, linked)) is not None:
+            kept.remove(spare)
     while len(kept) > count:
-        among = alike[np.ix_(kept, kept)]
-        i, j = np.unravel_index(int(np.argmax(among)), among.shape)
-        first, second = kept[i], kept[j]
-        if not 1.0 / _CLEARLY_SHARPER <= sharpness[first] / max(sharpness[second], 1e-12) <= _CLEARLY_SHARPER:
-            kept.remove(first if sharpness[first] < sharpness[second] else second)
-            continue
-        # The one that is more alike to the others, too, is missed less.
-        others = [np.delete(among[row], [i, j]).max(initial=0.0) for row in (i, j)]
-        kept.remove(first if others[0] >= others[1] else second)
+        kept.remove(_end(alike, kept))
     return np.array(kept)
+
+
+def _spare(alike: np.ndarray, sharpness: np.ndarray, kept: Sequence[int], linked: float) -> int | None:
+    """Of the two most alike the one that is missed less; None where each is needed to hold others together.
+
+    Two pictures are linked that are alike by more than ``linked``.
+    """
+    among = alike[np.ix_(kept, kept)]
+    links = among > linked
+    pairs = np.argwhere(np.triu(links))
+    for i, j in pairs[np.argsort(-among[tuple(pairs.T)], kind="stable")]:
+        ratio = sharpness[kept[i]] / max(sharpness[kept[j]], 1e-12)
+        if not 1.0 / _CLEARLY_SHARPER <= ratio <= _CLEARLY_SHARPER:
+            first = i if ratio < 1.0 else j
+        else:  # the one that is more alike to the others, too
+            others = [np.delete(among[row], [i, j]).max(initial=0.0) for row in (i, j)]
+            first = i if others[0] >= others[1] else j
+        for one in (first, i + j - first):
+            if _hold_together(links, one):
+                return kept[one]
+    return None
+
+
+def _hold_together(links: np.ndarray, without: int) -> bool:
+    """Whether the pictures that are linked with one, two at least, are linked with each other by others."""
+    around = np.flatnonzero(links[without])
+    others = links.copy()
+    others[without] = others[:, without] = False
+    _, group = connected_components(others, directed=False)
+    return len(around) >= 2 and len(set(group[around])) == 1
+
+
+def _end(alike: np.ndarray, kept: Sequence[int]) -> int:
+    """Of the fewest that hang together the one that is linked with fewest, and of these shares most with another."""
+    among = alike[np.ix_(kept, kept)]
+    links = among > 0.0
+    _, group = connected_components(links, directed=False)
+    sizes = np.bincount(group)[group]
+    return kept[int(np.lexsort((-among.max(axis=1), links.sum(axis=1), sizes))[0])]
 
 
 def _median_around(values: np.ndarray, index: int) -> float:

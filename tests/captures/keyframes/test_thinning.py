@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from phone_videos import walk
+from scipy.sparse.csgraph import connected_components
 
 from r2sego_blender.captures.keyframes.thinning import likeness, sharpest_of_parts, thinned
 from r2sego_blender.captures.sharpness import reduced_grey, sharpness
@@ -40,6 +41,39 @@ def test_as_many_are_kept_as_are_asked_for(total, count, seed):
     kept = thinned(alike, rng.random(total), count)
     assert len(kept) == min(total, count)
     assert (np.diff(kept) > 0).all()
+
+
+def components(alike, kept):
+    return connected_components(alike[np.ix_(kept, kept)] > 0.0)[0]
+
+
+@given(st.integers(3, 25), st.integers(1, 25), st.integers(0, 1000))
+def test_what_hangs_together_still_does(total, count, seed):
+    rng = np.random.default_rng(seed)
+    alike = rng.random((total, total)) * (rng.random((total, total)) < 0.2)
+    alike = np.triu(alike, 1) + np.triu(alike, 1).T
+    kept = thinned(alike, np.ones(total), count)
+    linked = np.flatnonzero(alike.max(axis=1) > 0.0)
+    if count <= len(linked):
+        assert components(alike, kept) <= components(alike, linked)
+
+
+@pytest.mark.parametrize("count", [30, 60, 120])
+def test_a_walk_stays_one_from_its_begin_to_its_end(rng, count):
+    """Pictures a metre apart show nothing in common; the walk has twenty."""
+    place = np.sort(rng.random(240)) * 20.0
+    alike = np.clip(1.0 - np.abs(place[:, None] - place), 0.0, 1.0) - np.eye(240)
+    kept = thinned(alike, np.ones(240), count)
+    assert components(alike, kept) == 1
+    assert place[kept[0]] < 0.8 and place[kept[-1]] > 19.2
+    assert np.diff(place[kept]).max() < 1.0
+
+
+def test_where_too_few_are_wanted_those_that_are_kept_hang_together(rng):
+    place = np.sort(rng.random(240)) * 20.0
+    alike = np.clip(1.0 - np.abs(place[:, None] - place), 0.0, 1.0) - np.eye(240)
+    kept = thinned(alike, np.ones(240), 8)
+    assert components(alike, kept) == 1 and np.ptp(place[kept]) > 3.0
 
 
 def test_of_places_where_the_camera_rests_one_picture_stays_each():
