@@ -33,12 +33,16 @@ def test_parts_are_equally_long_in_way_and_not_in_time():
     assert (kept >= 89).sum() >= 8
 
 
+def any_likeness(total, linked, seed):
+    """The likeness of so many pictures, of which a share of the pairs is linked."""
+    rng = np.random.default_rng(seed)
+    alike = np.triu(rng.random((total, total)) * (rng.random((total, total)) < linked), 1)
+    return alike + alike.T
+
+
 @given(st.integers(3, 25), st.integers(1, 25), st.integers(0, 1000))
 def test_as_many_are_kept_as_are_asked_for(total, count, seed):
-    rng = np.random.default_rng(seed)
-    alike = rng.random((total, total)) * (rng.random((total, total)) < 0.5)
-    alike = np.triu(alike, 1) + np.triu(alike, 1).T
-    kept = thinned(alike, rng.random(total), count)
+    kept = thinned(any_likeness(total, 0.5, seed), np.random.default_rng(seed).random(total), count)
     assert len(kept) == min(total, count)
     assert (np.diff(kept) > 0).all()
 
@@ -49,9 +53,7 @@ def components(alike, kept):
 
 @given(st.integers(3, 25), st.integers(1, 25), st.integers(0, 1000))
 def test_what_hangs_together_still_does(total, count, seed):
-    rng = np.random.default_rng(seed)
-    alike = rng.random((total, total)) * (rng.random((total, total)) < 0.2)
-    alike = np.triu(alike, 1) + np.triu(alike, 1).T
+    alike = any_likeness(total, 0.2, seed)
     kept = thinned(alike, np.ones(total), count)
     linked = np.flatnonzero(alike.max(axis=1) > 0.0)
     if count <= len(linked):
