@@ -313,6 +313,24 @@ def check_dropped_poses_begin_a_scene_with_them():
     assert "no photographs and no poses" in said
 
 
+def check_a_dropped_zip_or_recording_begins_a_scene_with_all_of_it():
+    conduct("succeed")
+    scan = OUT.parent / "scan"
+    (scan / "71de12f9").mkdir(parents=True, exist_ok=True)
+    (scan / "scan.zip").write_bytes(b"PK")
+    (scan / "71de12f9/rgb.mp4").write_bytes(b"")
+    (scan / "71de12f9/odometry.csv").write_text("timestamp, frame, x, y, z, qx, qy, qz, qw\n")
+    for folder, name, captures in (
+        (scan, "scan.zip", scan / "scan.zip"),
+        (scan / "71de12f9", "rgb.mp4", scan / "71de12f9"),
+        (scan / "71de12f9", "odometry.csv", scan / "71de12f9"),
+    ):
+        given = {"directory": str(folder), "files": [{"name": name}], "scene": str(BUNDLE)}
+        assert bpy.ops.r2sego.new_scene_from_files(**given) == {"FINISHED"}
+        call = calls()[-1]
+        assert call[call.index("--captures") + 1] == str(captures) and "--poses" not in call
+
+
 def check_what_can_be_dropped_has_its_handlers():
     kinds = {cls.bl_idname: cls for cls in bpy.types.FileHandler.__subclasses__() if "R2SEGO" in cls.__name__}
     assert set(kinds) == {"R2SEGO_FH_scene", "R2SEGO_FH_captures"}
