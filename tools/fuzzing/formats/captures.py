@@ -25,10 +25,14 @@ _GL = np.diag([1.0, -1.0, -1.0, 1.0])
 
 def _posed(folder: Path) -> Any:
     """The poses as ``r2sego new`` takes them, and their points."""
+    return _read_poses(folder / "poses", folder)
+
+
+def _read_poses(poses: Path, folder: Path) -> Any:
     from r2sego_blender.captures.poses.photographs import captures_of
     from r2sego_blender.captures.poses.registry import find_poses
 
-    record, place = find_poses(folder / "poses")
+    record, place = find_poses(poses)
     posed = record.read(place, folder, CaptureSettings(), SILENT)
     points = record.points(place, SILENT) if record.points else None
     return posed.photographs, captures_of(posed.photographs, 64), points
@@ -138,10 +142,9 @@ def _scan_zip(folder: Path) -> None:
 
 def _unpacked(folder: Path) -> Any:
     from r2sego_blender.captures.archives import unpack
-    from r2sego_blender.captures.importing import import_captures
 
     with tempfile.TemporaryDirectory(dir=folder) as place:
-        return import_captures(unpack(folder / "scan.zip", Path(place), SILENT), None, CaptureSettings()).captures
+        return _read_poses(unpack(folder / "scan.zip", Path(place), SILENT), Path(place))
 
 
 def _far(view: Camera) -> np.ndarray:
