@@ -16,6 +16,7 @@ from small_bundle import bundle, splats
 
 from r2sego_blender.bundle.figures import BASELINE_METRICS, METRICS
 from r2sego_blender.bundle.scene import Scene
+from r2sego_blender.captures.importing import Choice
 from r2sego_blender.commands.cli import main
 from r2sego_blender.config.settings import CaptureSettings
 from r2sego_blender.core.digests import content_digest
@@ -183,9 +184,8 @@ def test_the_demo_room_goes_from_photographs_to_a_table(tmp_path):
 
     # What cells share is what each would have made for itself.
     settings = CaptureSettings(matcher="sift", refine_poses="never")
-    alone = create_scene(
-        tmp_path / "alone.r2s", tmp_path / "room", tmp_path / "room/cameras.json", settings=settings, first=3
-    )
+    first, cameras = Choice(first=3), tmp_path / "room/cameras.json"
+    alone = create_scene(tmp_path / "alone.r2s", tmp_path / "room", cameras, settings=settings, choice=first)
     alone.declare(overrides={"captures.matcher": "sift", "captures.refine_poses": "never"})
     assert content_digest(alone.path) == content_digest(tmp_path / "out/imports/room/3.r2s")
     assert content_digest(alone.captures_folder) == content_digest(scene.captures_folder)

@@ -103,10 +103,10 @@ def thinned(alike: np.ndarray, sharpness: np.ndarray, count: int) -> np.ndarray:
 def _spare(alike: np.ndarray, sharpness: np.ndarray, kept: Sequence[int], linked: float) -> int | None:
     """Of the two most alike the one that is missed less; None where each is needed to hold others together.
 
-    Two pictures are linked that are alike by more than ``linked``.
+    Two pictures are linked that are alike by more than ``linked``; what less holds together still does.
     """
     among = alike[np.ix_(kept, kept)]
-    links = among > linked
+    links, weak_links = among > linked, among > 0.0
     pairs = np.argwhere(np.triu(links))
     for i, j in pairs[np.argsort(-among[tuple(pairs.T)], kind="stable")]:
         ratio = sharpness[kept[i]] / max(sharpness[kept[j]], 1e-12)
@@ -116,7 +116,7 @@ def _spare(alike: np.ndarray, sharpness: np.ndarray, kept: Sequence[int], linked
             others = [np.delete(among[row], [i, j]).max(initial=0.0) for row in (i, j)]
             first = i if others[0] >= others[1] else j
         for one in (first, i + j - first):
-            if _hold_together(links, one):
+            if _hold_together(links, one) and _hold_together(weak_links, one):
                 return kept[one]
     return None
 
