@@ -41,12 +41,10 @@ def unpack(archive: Path, folder: Path, progress: Progress) -> Path:
             _require_small_directory(archive, stream)
             with zipfile.ZipFile(stream) as opened:
                 _unpack(archive, opened, folder, progress)
-    except (OSError, ValueError, EOFError, NotImplementedError, RuntimeError, zipfile.BadZipFile) as error:
+    except CaptureError:
+        raise
+    except Exception as error:  # zipfile, zlib, lzma and bz2 raise their own
         raise _refused(archive, f"it cannot be unpacked ({error})") from error
-    except Exception as error:  # zlib, lzma and bz2 raise their own
-        if isinstance(error, CaptureError):
-            raise
-        raise _refused(archive, "it is damaged") from error
     inside = folder
     while inside.is_dir() and len(places := list(inside.iterdir())) == 1:
         if not (places[0].is_dir() or places[0].suffix.lower() in VIDEOS):

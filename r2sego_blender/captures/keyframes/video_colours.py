@@ -30,7 +30,6 @@ _BT709_FROM: Mapping[int, np.ndarray] = {
     9: np.array([[1.660491, -0.587641, -0.072850], [-0.124550, 1.132900, -0.008349], [-0.018151, -0.100579, 1.118730]]),
     12: np.array([[1.224940, -0.224940, 0.0], [-0.042057, 1.042057, 0.0], [-0.019638, -0.078636, 1.098274]]),
 }
-_BT2020_LUMINANCE = np.array([0.2627, 0.6780, 0.0593])
 _PQ, _HLG = 16, 18
 _HDR_NAMES = {_PQ: "PQ", _HLG: "HLG"}
 _WHITE_CD_M2 = 203.0
@@ -82,7 +81,7 @@ class VideoColours:
             return np.float32(10_000.0) * share ** np.float32(16384.0 / 2610.0)
         a, b, c = 0.17883277, 0.28466892, 0.55991073
         scene = np.where(signal <= 0.5, signal**2 / 3.0, (np.exp((signal - c) / a) + b) / 12.0)
-        luminance = scene @ _BT2020_LUMINANCE.astype(np.float32)
+        luminance = scene @ _ycbcr(*_LUMA[9])[0].astype(np.float32)
         system = np.maximum(luminance, 1e-6) ** np.float32(_HLG_GAMMA - 1.0)
         return np.float32(_HLG_PEAK_CD_M2) * system[..., None] * scene
 

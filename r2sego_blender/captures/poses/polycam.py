@@ -54,9 +54,9 @@ def read_polycam(keyframes: Path, most: int, progress: Progress = SILENT) -> tup
     return with_unique_names(photographs), source
 
 
-def lidar_depth(keyframes: Path) -> SensorDepth | None:
-    """The LiDAR's depth maps of a raw export, if it has them."""
-    depth, confidence = keyframes / "depth", keyframes / "confidence"
+def lidar_depth(folder: Path) -> SensorDepth | None:
+    """The LiDAR's depth maps beside ARKit's frames, with their confidence, if the folder has them."""
+    depth, confidence = folder / "depth", folder / "confidence"
     if not depth.is_dir():
         return None
     return SensorDepth(depth, confidence if confidence.is_dir() else None, LIDAR_RANGE_M)

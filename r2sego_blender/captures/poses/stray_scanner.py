@@ -17,9 +17,7 @@ import numpy as np
 
 from ...core.errors import CaptureError
 from ..lenses.lens import Lens
-from ..sensors.sensor_depth import SensorDepth
 from .photographs import Photograph, photograph_size, require_lens_of_size
-from .polycam import LIDAR_RANGE_M
 from .trajectories import lines_of, numbered_frames, pose_of
 
 _TURN, _PLACE = ("qx", "qy", "qz", "qw"), ("x", "y", "z")
@@ -56,14 +54,6 @@ def read_stray_scanner(odometry: Path, folder: Path) -> list[Photograph]:
         photographs.append(Photograph(path.name, path, Lens(width, height, *numbers.tolist()), pose, where))
     require_lens_of_size(photographs[0].lens, odometry, ("width", "height"))
     return photographs
-
-
-def lidar_depth(recording: Path) -> SensorDepth | None:
-    """The recording's depth maps, if it has them."""
-    depth, confidence = recording / "depth", recording / "confidence"
-    if not depth.is_dir():
-        return None
-    return SensorDepth(depth, confidence if confidence.is_dir() else None, LIDAR_RANGE_M)
 
 
 def _rows(odometry: Path) -> Mapping[int, Mapping[str, str]]:

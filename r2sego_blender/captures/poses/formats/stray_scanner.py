@@ -20,8 +20,8 @@ def find(place: Path) -> list[Path]:
 
 def read(odometry: Path, folder: Path, settings: CaptureSettings, progress: Progress) -> Posed:
     """See ``stray_scanner``; metric, with gravity, and the LiDAR's depth where it is there."""
-    from ..polycam import UP
-    from ..stray_scanner import lidar_depth, read_stray_scanner
+    from ..polycam import UP, lidar_depth  # both are ARKit's
+    from ..stray_scanner import read_stray_scanner
     from ..trajectories import thinned
 
     photographs = thinned(read_stray_scanner(odometry, folder), settings.max_keyframes, progress)
