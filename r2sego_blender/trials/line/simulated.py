@@ -141,13 +141,17 @@ _NO_PTY = sys.platform == "win32"
 
 
 class SimulatedDevice:
-    """A simulated device; ``simulated_device`` makes it. ``url`` stays the same when it is plugged in again."""
+    """A simulated device; ``simulated_device`` makes it. ``url`` stays the same when it is plugged in again.
+
+    Any thread may plug it in, unplug it, or let it play.
+    """
 
     def __init__(self, script: str, seed: int, rate_hz: int, speed: float, language: str | None, over: str) -> None:
         self._script = script_named(script).line(seed)
         self._rate_hz, self._speed, self._starts = rate_hz, speed, 0
         self._program = device_program(language)
         self._process: subprocess.Popen | None = None
+        self._plugging = threading.RLock()
         self._end: _Terminal | _Socket = _Terminal() if over == "terminal" else _Socket()
         self.url = self._end.url
 
@@ -166,29 +170,32 @@ class SimulatedDevice:
 
     def play(self, script: str, seed: int = 0) -> None:
         """Go on with another script, from its start; the device itself does not restart. Plugs it in."""
-        self._script = script_named(script).line(seed)
-        if not self.is_plugged_in:
-            self.plug_in()
-            return
-        self._tell()
+        with self._plugging:
+            self._script = script_named(script).line(seed)
+            if self.is_plugged_in:
+                self._tell()
+            else:
+                self.plug_in()
 
     def unplug(self) -> None:
         """As its cable is drawn: whoever reads it loses the line."""
-        if self._process is not None:
-            self._process.kill()
-            self._process.wait()
-            with contextlib.suppress(OSError):  # what it was last told has nowhere to go
-                self._process.stdin.close()  # type: ignore[union-attr]
-            self._process = None
-        self._end.unplug()
+        with self._plugging:
+            if self._process is not None:
+                self._process.kill()
+                self._process.wait()
+                with contextlib.suppress(OSError):  # what it was last told has nowhere to go
+                    self._process.stdin.close()  # type: ignore[union-attr]
+                self._process = None
+            self._end.unplug()
 
     def plug_in(self) -> None:
         """A new start of the device, with the script from its beginning."""
-        self.unplug()
-        self._starts += 1
-        arguments = [self._rate_hz, self._starts * 1000, self._speed, 0, *cell_arguments()]
-        self._process = self._end.start([*self._program, *map(str, arguments)])
-        self._tell()
+        with self._plugging:
+            self.unplug()
+            self._starts += 1
+            arguments = [self._rate_hz, self._starts * 1000, self._speed, 0, *cell_arguments()]
+            self._process = self._end.start([*self._program, *map(str, arguments)])
+            self._tell()
 
     def _tell(self) -> None:
         assert self._process is not None and self._process.stdin is not None
