@@ -188,21 +188,26 @@ class CaptureSteps:
         """
 
         def complete(
-            captures: Captures, depth: PerCapture[DepthMap], planes: RoomPlanes, *estimated: PerCapture[AlignedDepth]
+            captures: Captures,
+            sparse: SparsePoints,
+            depth: PerCapture[DepthMap],
+            planes: RoomPlanes,
+            *estimated: PerCapture[AlignedDepth],
         ) -> dict[str, CompletedDepth]:
             estimates = [one for each in estimated for one in each.of(captures)]
-            found = complete_depth(captures, depth.of(captures), planes, self.h, self.progress, estimates)
+            found = complete_depth(captures, depth.of(captures), planes, self.h, self.progress, estimates, sparse)
             return by_file(captures, found)
 
         def behind(captures: Captures, completed: PerCapture[CompletedDepth]) -> SplatAsset:
             views = self._lifted(captures, completed_depths(captures, completed))
             return backdrop(views, self.h.training.backdrop_gaussians)
 
-        photographs, _, depth = captures
+        photographs, points, depth = captures
         completed = self._make(
             COMPLETED,
             complete,
             photographs,
+            points,
             depth,
             planes,
             *self._estimated,

@@ -5,9 +5,10 @@ planes by three kinds of evidence: how alike the captures look when warped by th
 homography, how well the plane agrees with reliable depth nearby (this capture's own and what
 the others saw), and whether it stays clear of space the others saw to be free. The costs are
 aggregated along the image's edges by a guided filter. Where no plane is sure, depth that two
-captures agree on is taken although it matched badly; then a plane that convinces, the
-envelope of the room and, where there is none, the nearest completed depth; an estimator's depth
-takes the place of what is less sure than it. What the colours
+captures agree on is taken although it matched badly; then a plane that convinces; then what is
+known around goes on, or the envelope of the room (``propagation``); an estimator's depth
+takes the place of what is less sure than it. Sparse points count where stereo sees nothing, as
+evidence for planes, and planes through them are tried beside the room's. What the colours
 of the other captures contradict then moves nearer, patch by patch (``patch_depth``).
 """
 
@@ -22,6 +23,7 @@ import numpy as np
 from scipy import ndimage
 
 from ...captures.capture import Capture
+from ...captures.sparse_points import SparsePoints
 from ...config.settings import Settings, StereoSettings
 from ...core.cameras import Camera
 from ...core.images import resize
@@ -35,6 +37,9 @@ from ..stereo.weak_depth import weak_depth
 from .completed_depth import CompletedDepth, DepthSource
 from .patch_depth import ColourView, nearer_depth
 from .planes import RoomPlanes
+from .point_evidence import PointEvidence
+from .propagation import propagated_depth
+from .sparse_planes import with_sparse_planes
 
 _OUTVOTED = 1.05  # how far neighbours of like colour must outvote a depth to replace it
 _SURE_VOTES = 0.16  # share of a full window's votes that settles a depth at once
@@ -73,9 +78,12 @@ def complete_depth(
     settings: Settings,
     progress: Progress = SILENT,
     estimates: Sequence[AlignedDepth] = (),
+    sparse: SparsePoints | None = None,
 ) -> tuple[CompletedDepth, ...]:
     """Every capture's depth map, completed at the size of its stereo depth; ``estimates``, if any, one a capture
-    at that size."""
+    at that size; ``sparse``, if any, the points that the captures measured."""
+    sparse = sparse or SparsePoints.none(len(captures))
+    planes = with_sparse_planes(planes, sparse, [capture.camera for capture in captures])
     trusted = trusted_depth(depth_maps, settings.stereo)
     weak = weak_depth(depth_maps, trusted, settings.stereo)
     views = [_View.of(*view) for view in zip(captures, depth_maps, trusted, weak, strict=True)]
@@ -86,7 +94,8 @@ def complete_depth(
         completed = []
         for index in range(len(views)):
             estimate = estimates[index] if estimates else None
-            completed.append(_completed(index, views, planes, farthest_m, settings, estimate))
+            points = PointEvidence.of(views[index].camera, sparse.points[sparse.visibility[:, index]])
+            completed.append(_completed(index, views, planes, points, farthest_m, settings, estimate))
             task.advance()
     return tuple(completed)
 
@@ -138,6 +147,7 @@ def _completed(
     index: int,
     views: Sequence[_View],
     planes: RoomPlanes,
+    points: PointEvidence,
     farthest_m: float,
     settings: Settings,
     estimate: AlignedDepth | None,
@@ -157,7 +167,7 @@ def _completed(
         hidden = (depth < _NEAREST_M) | (depth > last)
         if hidden.all():
             continue
-        cost = _plane_cost(view, moments, others, depth, row, anchor, estimate)
+        cost = _plane_cost(view, moments, others, depth, row, anchor, points, estimate)
         cost[hidden] = _OUT_OF_VIEW
         cost = _guided(view.grey, cost) + 0.15 * cost
         better = (cost < best_cost) & ~hidden
@@ -193,6 +203,10 @@ def _completed(
         apart = np.abs(depth - estimate.depth) > sigmas * estimate.sigma * estimate.depth
         surer = (estimate.depth > 0) & (estimate.depth <= last) & apart & (estimate.sigma < doubt)
         depth[surer], source[surer] = estimate.depth[surer], DepthSource.ESTIMATED
+    likely = np.isin(source, (DepthSource.ENVELOPE, DepthSource.FILLED))
+    gone_on = propagated_depth(view, points, planes, last)
+    likely &= (gone_on > 0) & (gone_on != bound)
+    depth[likely], source[likely] = gone_on[likely], DepthSource.PLANE
     depth = _filled(depth, observed)
     nearer = nearer_depth(view, [other for other, _, _ in others], depth)
     moved = nearer > 0
@@ -239,10 +253,12 @@ def _plane_cost(
     depth: np.ndarray,
     row: np.ndarray,
     anchor: np.ndarray,
+    points: PointEvidence,
     estimate: AlignedDepth | None,
 ) -> np.ndarray:
     """(H, W) float32 evidence against one plane, 0 (certain) and up; ``others`` are views
-    with what ``_depth_in`` says of them. An estimate counts by its certainty where there is no ``anchor``."""
+    with what ``_depth_in`` says of them. Points around a pixel and an estimate count by their certainty where there
+    is no ``anchor``."""
     width, height = view.camera.width, view.camera.height
     first = np.full((height, width), np.inf, np.float32)
     second = first.copy()
@@ -270,7 +286,8 @@ def _plane_cost(
     # One view alone counts a quarter more than it says, none as much as the worst match.
     photo = np.where(np.isfinite(second), (first + second) / 2, np.minimum(first + 0.25, 1))
     apart = np.abs(anchor - depth) / np.maximum(anchor, 1e-6) / _AGREEMENT_SCALE
-    agreement = np.where(anchor > 0, np.minimum(apart, 1), _NO_EVIDENCE)
+    differing, sure = points.against(depth, _AGREEMENT_SCALE)
+    agreement = np.where(anchor > 0, np.minimum(apart, 1), _NO_EVIDENCE + sure * (differing - _NO_EVIDENCE))
     if estimate is not None:
         off = np.abs(estimate.depth - depth) / np.maximum(estimate.depth, 1e-6)
         off /= np.maximum(_AGREEMENT_SCALE, 2.0 * estimate.sigma)

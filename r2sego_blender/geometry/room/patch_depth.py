@@ -37,6 +37,8 @@ _FAR_M = 1e3  # of a patch without any depth
 _FULL_DIFFERENCE = 25.0  # CIELAB: a pixel of another thing
 _SEEN_THROUGH = 0.5  # cost of each capture whose trusted depth lies behind
 _MOVED = 0.2  # cost of moving at all: what the photographs do not tell apart stays
+_NOISE_QUANTILE, _NOISES = 0.75, 1.5  # cost of known patches where they are, below which nothing is told apart
+_FEWEST_KNOWN = 20  # patches that tell that
 _FEWEST_VIEWS = 2  # less say nothing of a depth
 _KEPT_VIEWS = 0.7  # share of the captures that see the present depth, which must see the new one
 _UNSEEN = 1.0
@@ -88,8 +90,9 @@ def nearer_depth(view: ColourView, others: Sequence[ColourView], depth: np.ndarr
     staying = np.where(stays_seen >= _FEWEST_VIEWS, staying, 0.0)
     farthest_m = present * (1 - _LEAST_NEARER)
     moving, seen = evidence.against(np.ones(asked.sum()), tried, farthest_m)
+    moved = max(_MOVED, _NOISES * _noise(view, patches, others))
     unseen = seen < np.maximum(_FEWEST_VIEWS, _KEPT_VIEWS * stays_seen)
-    moving += _MOVED + np.where(unseen, _UNSEEN, 0.0)
+    moving += moved + np.where(unseen, _UNSEEN, 0.0)
     moving[tried[:, None] > farthest_m] = _NEVER
 
     costs = np.concatenate([moving, staying]) * area
@@ -97,8 +100,19 @@ def nearer_depth(view: ColourView, others: Sequence[ColourView], depth: np.ndarr
     choice = _settled(
         costs, np.log(tried), np.log(present), movable, start, end, neighbour, weight, _FULL_STEP, _ROUNDS
     )
-    moved = asked & (choice < steps)[patches]
-    return np.where(moved, np.append(tried, 0.0)[choice][patches], 0.0).astype(np.float32)
+    nearer = asked & (choice < steps)[patches]
+    return np.where(nearer, np.append(tried, 0.0)[choice][patches], 0.0).astype(np.float32)
+
+
+def _noise(view: ColourView, patches: np.ndarray, others: Sequence[ColourView]) -> float:
+    """What the others' colours cost patches whose depth is known: exposures, gloss and blur differ. 0 where too few
+    tell."""
+    known = view.known > 0
+    area = np.bincount(patches[known], minlength=int(patches.max()) + 1)
+    evidence = _Evidence(view.camera, view.colours[known], view.camera.rays()[known], patches[known], area, others)
+    (cost,), (seen,) = evidence.against(view.known[known], np.ones(1), np.full(len(area), np.inf))
+    told = cost[(area > _ASKED_SHARE * np.bincount(patches.ravel())) & (seen >= _FEWEST_VIEWS)]
+    return float(np.quantile(told, _NOISE_QUANTILE)) if len(told) >= _FEWEST_KNOWN else 0.0
 
 
 @dataclass(frozen=True)
@@ -117,7 +131,7 @@ class _Evidence:
         """(L, P) cost of each patch when its pixels have ``depth`` (M,) times each of
         ``factors`` (L,), 0 and up, and (L, P) how many captures see it there.
 
-        The better half of those counts: the others may see something that stands before it.
+        The better half of those counts, two at least: the others may see something that stands before it.
         Factors above a patch's ``largest`` (P,) are not looked at: as if nobody saw it there.
         """
         points = self.rays * depth[:, None]
@@ -142,7 +156,7 @@ class _Evidence:
         says = seen_px > _SEEN_SHARE * area
         each = np.sort(np.where(says, difference / np.maximum(seen_px, 1), np.inf), axis=0)
         seen = says.sum(axis=0)
-        half = np.maximum((seen + 1) // 2, 1)
+        half = np.maximum((seen + 1) // 2, np.clip(seen, 1, 2))
         total = np.where(np.isfinite(each), each, 0.0).cumsum(axis=0)
         cost = np.take_along_axis(total, half[None] - 1, axis=0)[0] / half
         return np.where(seen > 0, cost, 1.0) + _SEEN_THROUGH * through.sum(axis=0) / area, seen

@@ -1,0 +1,106 @@
+"""Depth where nothing in the photographs speaks for a plane: that of what is known around it, or the envelope's.
+
+Behind everything stands the room's envelope, but what a blank pixel shows is more often a cupboard's door beside
+which a few points were measured. So each superpixel asks what is known of its own photograph: near, of like colour.
+The plane that explains most of it goes on to there, unless it is far in the room from what it was seen by; where
+little is known, the envelope is likelier.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from .patch_depth import ColourView
+from .planes import RoomPlanes
+from .point_evidence import PointEvidence
+from .superpixels import superpixels
+
+_PATCH_SHARE = 1 / 45  # of the picture's width
+_COMPACTNESS = 12.0  # CIELAB
+_KNOWN_SHARE = 0.3  # of a superpixel, for it to count as known
+_REACH_SHARE = 1 / 67  # of the width, from which on what is known weighs less, with the distance's square
+_LIKE_COLOURS = 12.0  # CIELAB: how much colours differ where that falls to exp(-1/2)
+_ANY_COLOUR = 0.1  # how much of any other colour counts
+_LITTLE_KNOWN = 0.05  # the weight of what is known at which the envelope is as likely
+_ON_PLANE = 0.06  # relative depth, one sigma, from a plane on which something lies
+_BOUNDS = 2.0  # times as likely as another plane is one that bounds the room
+_LEVEL_REACH_M, _UPRIGHT_REACH_M = 0.5, 2.0  # a table's top ends sooner than a cupboard's front
+_EXPLAINED = 0.2  # of what is known, that a plane has to explain
+_SWEPT_INLIERS = 8  # a bound with no more points was found by its colours (``bounds``): it stays
+_NEAREST_M = 0.3
+
+
+def propagated_depth(view: ColourView, points: PointEvidence, planes: RoomPlanes, last: np.ndarray) -> np.ndarray:
+    """(H, W) float32 planar metres at which what is known of ``view``, trusted depth and ``points``, goes on; 0 where
+    nothing is known or there is no plane. ``last`` (H, W): nothing lies beyond."""
+    patches = superpixels(view.colours, max(round(_PATCH_SHARE * view.camera.width), 2), _COMPACTNESS)
+    rows, columns, known = _known(view, points, patches)
+    if not len(known) or not len(planes.normals):
+        return np.zeros(view.camera.shape, np.float32)
+    weights, sure = _weights(view, patches, rows, columns)
+    depths = planes.depths(view.camera)
+    at = _centres(patches)
+    far = last[at]
+    score = np.zeros((len(far), len(depths)))
+    for index, depth in enumerate(depths):
+        there = depth[rows, columns]
+        on = np.where(there > 0.0, np.exp(-0.5 * ((known - there) / (_ON_PLANE * known)) ** 2), 0.0)
+        here = weights @ on * sure
+        if planes.bounding[index]:
+            here = _BOUNDS * here + 1.0 - sure
+            if planes.inliers[index] <= _SWEPT_INLIERS:
+                here = np.maximum(here, 1.0)
+        elif (on > 0.5).any():
+            world = view.camera.unproject(depth)
+            away = cKDTree(world[rows, columns][on > 0.5]).query(world[at])[0]
+            reach_m = _LEVEL_REACH_M if abs(planes.normals[index, 2]) > 0.5 else _UPRIGHT_REACH_M
+            here = here * np.exp(-0.5 * (away / reach_m) ** 2)
+        else:
+            continue
+        score[:, index] = np.where((depth[at] > _NEAREST_M) & (depth[at] <= far), here, 0.0)
+    best = score.argmax(axis=1)
+    found = np.take_along_axis(depths, best[patches][None], axis=0)[0]
+    unexplained = (score.max(axis=1) < _EXPLAINED)[patches] | (found <= _NEAREST_M) | (found > last)
+    around = np.exp(weights @ np.log(known))
+    return np.where(unexplained, np.minimum(around[patches], last), found).astype(np.float32)
+
+
+def _known(view: ColourView, points: PointEvidence, patches: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows, columns and depth (n,) of what is known: each point, and of each known superpixel the median."""
+    seen = view.known > 0.0
+    rows, columns = np.nonzero(seen)
+    depth, patch = view.known[seen], patches[seen]
+    order = np.lexsort((depth, patch))
+    chosen, first, count = np.unique(patch[order], return_index=True, return_counts=True)
+    enough = count > _KNOWN_SHARE * np.bincount(patches.ravel())[chosen]
+    median = order[(first + count // 2)[enough]]
+    return (
+        np.concatenate([points.rows, rows[median]]),
+        np.concatenate([points.columns, columns[median]]),
+        np.concatenate([points.depth, depth[median]]),
+    )
+
+
+def _weights(
+    view: ColourView, patches: np.ndarray, rows: np.ndarray, columns: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(P, n) how much each known pixel says of each superpixel, in all 1; and (P,) how sure that is, in [0, 1]."""
+    count = np.bincount(patches.ravel())
+    colours = np.stack([np.bincount(patches.ravel(), view.colours[..., c].ravel()) / count for c in range(3)], axis=1)
+    of_known = colours[patches[rows, columns]]
+    apart = ((colours[:, None] - of_known[None]) ** 2).sum(axis=2)
+    row, column = _centres(patches)
+    squared = (row[:, None] - rows[None]) ** 2 + (column[:, None] - columns[None]) ** 2
+    weights = (np.exp(-0.5 * apart / _LIKE_COLOURS**2) + _ANY_COLOUR) / (
+        squared / (_REACH_SHARE * view.camera.width) ** 2 + 1.0
+    )
+    total = weights.sum(axis=1)
+    return weights / total[:, None], total / (total + _LITTLE_KNOWN)
+
+
+def _centres(patches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Row and column (P,) of each superpixel's middle."""
+    count = np.bincount(patches.ravel())
+    row, column = ((np.bincount(patches.ravel(), axis.ravel()) / count) for axis in np.indices(patches.shape))
+    return row.astype(np.int64), column.astype(np.int64)

@@ -1,0 +1,74 @@
+"""Depth goes on from what is known around, to where the photographs say nothing."""
+
+import numpy as np
+import pytest
+
+from r2sego_blender.core.cameras import Camera, look_at
+from r2sego_blender.geometry.room.patch_depth import ColourView
+from r2sego_blender.geometry.room.planes import RoomPlanes
+from r2sego_blender.geometry.room.point_evidence import PointEvidence
+from r2sego_blender.geometry.room.propagation import propagated_depth
+
+CAMERA = Camera(180, 120, 155.9, 155.9, 90.0, 60.0, look_at(np.array([0.0, 0.0, 1.0]), np.array([0.0, 4.0, 1.0])))
+DOOR_M, WALL_M = 2.0, 4.0
+DOOR = np.s_[:, 20:90]  # a blue door in the left half, before a beige wall
+LAST = np.full(CAMERA.shape, WALL_M + 0.05, np.float32)
+
+
+def planes_of(wall_inliers):
+    """A cupboard's door, and the wall behind it, which bounds the room."""
+    return RoomPlanes(
+        np.array([[0.0, -1.0, 0.0], [0.0, -1.0, 0.0]]),
+        np.array([-DOOR_M, -WALL_M]),
+        np.array([20, wall_inliers]),
+        np.array([False, True]),
+    )
+
+
+def view_of(known=None):
+    image = np.full((*CAMERA.shape, 3), (0.8, 0.75, 0.6), np.float32)
+    image[DOOR] = (0.1, 0.2, 0.6)
+    return ColourView(CAMERA, image, np.zeros(CAMERA.shape, np.float32) if known is None else known)
+
+
+def points_at(rows, columns, depth_m):
+    rows, columns = np.meshgrid(rows, columns)
+    rays = CAMERA.rays()[rows.ravel(), columns.ravel()] * depth_m
+    world = rays @ CAMERA.world_from_camera[:3, :3].T + CAMERA.centre
+    return PointEvidence.of(CAMERA, world)
+
+
+HANDLES = points_at(range(16, 110, 16), range(30, 90, 12), DOOR_M)
+
+
+def test_a_door_goes_on_as_far_as_its_colour():
+    wall = np.zeros(CAMERA.shape, np.float32)
+    wall[30:60, 140:170] = WALL_M
+    depth = propagated_depth(view_of(wall), HANDLES, planes_of(1000), LAST)
+    assert (np.abs(depth[DOOR] / DOOR_M - 1.0) < 0.02).mean() > 0.95
+    assert (np.abs(depth[:, 100:] / WALL_M - 1.0) < 0.02).mean() > 0.95
+
+
+def test_where_little_is_known_the_envelope_is_likelier():
+    far_away = points_at([60], [2], DOOR_M)
+    depth = propagated_depth(view_of(), far_away, planes_of(1000), LAST)
+    assert (np.abs(depth[:, 100:] / WALL_M - 1.0) < 0.02).all()
+
+
+def test_a_bound_that_colours_told_stays():
+    depth = propagated_depth(view_of(), HANDLES, planes_of(0), LAST)
+    assert (np.abs(depth[:, 100:] / WALL_M - 1.0) < 0.02).all()
+
+
+def test_nothing_goes_on_beyond_what_ends_the_room():
+    last = np.full(CAMERA.shape, 1.5, np.float32)
+    depth = propagated_depth(view_of(), HANDLES, planes_of(1000), last)
+    assert depth.max() <= 1.5
+
+
+@pytest.mark.parametrize("without", ["planes", "points"])
+def test_without_planes_or_anything_known_nothing_is_said(without):
+    none = RoomPlanes(np.zeros((0, 3)), np.zeros(0), np.zeros(0, np.int64), np.zeros(0, bool))
+    nothing = PointEvidence.of(CAMERA, np.zeros((0, 3)))
+    planes, points = (none, HANDLES) if without == "planes" else (planes_of(9), nothing)
+    assert not propagated_depth(view_of(), points, planes, LAST).any()
