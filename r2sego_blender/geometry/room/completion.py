@@ -206,7 +206,7 @@ def _completed(
     likely = np.isin(source, (DepthSource.ENVELOPE, DepthSource.FILLED))
     gone_on = propagated_depth(view, points, planes, last)
     likely &= (gone_on > 0) & (gone_on != bound)
-    depth[likely], source[likely] = gone_on[likely], DepthSource.PLANE
+    depth[likely], source[likely] = gone_on[likely], DepthSource.FILLED
     depth = _filled(depth, observed)
     nearer = nearer_depth(view, [other for other, _, _ in others], depth)
     moved = nearer > 0
