@@ -204,9 +204,10 @@ def _completed(
         surer = (estimate.depth > 0) & (estimate.depth <= last) & apart & (estimate.sigma < doubt)
         depth[surer], source[surer] = estimate.depth[surer], DepthSource.ESTIMATED
     likely = np.isin(source, (DepthSource.ENVELOPE, DepthSource.FILLED))
-    gone_on = propagated_depth(view, points, planes, last)
-    likely &= (gone_on > 0) & (gone_on != bound)
-    depth[likely], source[likely] = gone_on[likely], DepthSource.FILLED
+    if likely.any():
+        gone_on = propagated_depth(view, points, planes, last)
+        likely &= (gone_on > 0) & (gone_on != bound)
+        depth[likely], source[likely] = gone_on[likely], DepthSource.FILLED
     depth = _filled(depth, observed)
     nearer = nearer_depth(view, [other for other, _, _ in others], depth)
     moved = nearer > 0

@@ -38,9 +38,9 @@ def propagated_depth(view: ColourView, points: PointEvidence, planes: RoomPlanes
     rows, columns, known = _known(view, points, patches)
     if not len(known) or not len(planes.normals):
         return np.zeros(view.camera.shape, np.float32)
-    weights, sure = _weights(view, patches, rows, columns)
-    depths = planes.depths(view.camera)
     at = _centres(patches)
+    weights, sure = _weights(view, patches, at, rows, columns)
+    depths = planes.depths(view.camera)
     far = last[at]
     score = np.zeros((len(far), len(depths)))
     for index, depth in enumerate(depths):
@@ -83,14 +83,15 @@ def _known(view: ColourView, points: PointEvidence, patches: np.ndarray) -> tupl
 
 
 def _weights(
-    view: ColourView, patches: np.ndarray, rows: np.ndarray, columns: np.ndarray
+    view: ColourView, patches: np.ndarray, at: tuple[np.ndarray, np.ndarray], rows: np.ndarray, columns: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(P, n) how much each known pixel says of each superpixel, in all 1; and (P,) how sure that is, in [0, 1]."""
+    """(P, n) how much each known pixel says of each superpixel, whose middle is ``at``, in all 1; and (P,) how sure
+    that is, in [0, 1]."""
     count = np.bincount(patches.ravel())
     colours = np.stack([np.bincount(patches.ravel(), view.colours[..., c].ravel()) / count for c in range(3)], axis=1)
     of_known = colours[patches[rows, columns]]
     apart = ((colours[:, None] - of_known[None]) ** 2).sum(axis=2)
-    row, column = _centres(patches)
+    row, column = at
     squared = (row[:, None] - rows[None]) ** 2 + (column[:, None] - columns[None]) ** 2
     weights = (np.exp(-0.5 * apart / _LIKE_COLOURS**2) + _ANY_COLOUR) / (
         squared / (_REACH_SHARE * view.camera.width) ** 2 + 1.0

@@ -75,9 +75,8 @@ def test_captures_of_other_sizes_say_the_same(seen):
     view, truth, bar = seen
     others = [view_of(camera_at(x, 0.05, scale))[0] for x, scale in ((-0.4, 1.5), (0.35, 1.0), (0.6, 1.25))]
     nearer = nearer_depth(view, others, np.full(truth.shape, WALL_M, np.float32))
-    assert (
-        np.abs(nearer[bar] / BAR_M - 1) < 0.03
-    ).mean() > 0.78  # sampled anew, colours differ: what moves must gain more
+    # Sampled anew, colours differ more: what moves has to gain more.
+    assert (np.abs(nearer[bar] / BAR_M - 1) < 0.03).mean() > 0.78
 
 
 def test_the_unit_of_length_changes_nothing(seen, others):

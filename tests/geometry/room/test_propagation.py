@@ -33,9 +33,8 @@ def view_of(known=None):
 
 def points_at(rows, columns, depth_m):
     rows, columns = np.meshgrid(rows, columns)
-    rays = CAMERA.rays()[rows.ravel(), columns.ravel()] * depth_m
-    world = rays @ CAMERA.world_from_camera[:3, :3].T + CAMERA.centre
-    return PointEvidence.of(CAMERA, world)
+    world = CAMERA.unproject(np.full(CAMERA.shape, depth_m))
+    return PointEvidence.of(CAMERA, world[rows.ravel(), columns.ravel()])
 
 
 HANDLES = points_at(range(16, 110, 16), range(30, 90, 12), DOOR_M)
