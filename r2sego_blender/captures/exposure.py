@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from ..core.colours import linear_from_srgb
 from ..core.images import at_pixels
 from .capture import Capture
+from .sensors.sensor_maps import SensorMap
 from .sparse_points import SparsePoints
 
 Gain = tuple[float, float, float]
@@ -20,53 +22,125 @@ MOST_GAIN = 8.0
 _BLUR_PX = 2.0  # so that a pixel of misregistration does not read as a change of exposure
 _DARKEST, _BRIGHTEST = 0.05, 0.95  # of sRGB: clipped values say nothing about exposure
 _FEWEST_POINTS = 30
-_ITERATIONS = 12
+_ITERATIONS = 30
 # Weight of "no change" against a capture's points, so that what shares little stays near the others.
 _PRIOR_POINTS = 5.0
 # What a gain has to be to count: captures of one exposure differ by less, as light that depends on the view does.
 _CLEAR = np.log(1.06)
+_CLEAR_PROJECTED = np.log(1.15)
+"""Where only points say so that captures may not see: what stands before some has another colour."""
 _CLEAR_SIGMAS = 5.0
 _EXPLAINED = 0.85
 """Of the residual without gains, what gains have to leave at most."""
+_SENSOR_POINTS = 1000
+"""Of each capture's depth map, about: as many as sparse points, which lie on texture alone."""
+_SAME_DEPTH = 0.05
+"""Relative: a sensor's edges are about as wrong, and another surface is further off."""
 
 
-def exposure_gains_of(captures: Sequence[Capture], sparse: SparsePoints) -> list[Gain | None]:
+def exposure_gains_of(
+    captures: Sequence[Capture], sparse: SparsePoints, measured: Mapping[str, SensorMap] | None = None
+) -> list[Gain | None]:
     """The gain that brings each capture to the mean exposure of all; None for all where they agree already.
 
-    ``sparse`` are the points that they triangulated. Their colours in linear light are fitted by one colour
-    a point times one gain a capture and channel, robustly (Huber) and jointly, so that errors do not add up
-    along a walk; the gains' geometric mean is 1 in each channel. A capture that shares few points stays as it is.
+    ``sparse`` are the points that they triangulated, ``measured`` what a depth sensor saw of those that it names.
+    Colours in linear light are fitted by one colour a point times one gain a capture and channel, robustly (Huber)
+    and jointly, so that errors do not add up along a walk; the gains' geometric mean is 1 in each channel.
+
+    Tracks alone link too few captures: exposure and place differ most between the same two, where nothing is
+    matched. So a point counts in every capture whose picture it falls in, unless its sensor saw another depth there;
+    what stands before it in some is the robust fit's to leave out. A capture that shares few points stays as it is.
     """
-    logs = _log_colours(captures, sparse)
+    tracks, projected = _log_colours(captures, sparse, measured or {})
+    fit = _fit(projected)
+    if not (_are_clear(_fit(tracks), _CLEAR) or _are_clear(fit, _CLEAR_PROJECTED)):
+        return [None] * len(captures)
+    gains = np.clip(np.exp(-fit.exposures), 1.0 / MOST_GAIN, MOST_GAIN).round(6).tolist()
+    return [(gain[0], gain[1], gain[2]) if known else None for gain, known in zip(gains, fit.is_known, strict=True)]
+
+
+class _Fit(NamedTuple):
+    """Logarithms of ``exposures`` (N, 3), their mean over what is known 0; ``counts`` (N,) of points; and the
+    residuals' robust spread without and with them."""
+
+    exposures: np.ndarray
+    counts: np.ndarray
+    before: float
+    after: float
+
+    @property
+    def is_known(self) -> np.ndarray:
+        """(N,) bool: which captures have points enough."""
+        return self.counts >= _FEWEST_POINTS
+
+
+def _fit(logs: np.ndarray) -> _Fit:
+    """The exposures of logarithms of colours (P, N, 3), NaN where a capture does not show the point."""
     known = np.isfinite(logs[..., 0])
-    logs, known = logs[known.sum(axis=1) >= 2], known[known.sum(axis=1) >= 2]
+    shared = known.sum(axis=1) >= 2
+    logs, known = logs[shared], known[shared]
     counts = known.sum(axis=0)
     enough = counts >= _FEWEST_POINTS
     if enough.sum() < 2:
-        return [None] * len(captures)
+        return _Fit(np.zeros((len(counts), 3)), np.zeros_like(counts), 0.0, 0.0)
     fits = [_fitted(np.where(known, logs[..., channel], 0.0), known) for channel in range(3)]
     exposures = np.stack([exposure - exposure[enough].mean() for exposure, _, _ in fits], axis=1)
     before, after = np.mean([[before, after] for _, before, after in fits], axis=0)
-    sigma = after / np.sqrt(np.maximum(counts, 1))
-    clear = np.abs(exposures).max(axis=1) > np.maximum(_CLEAR, _CLEAR_SIGMAS * sigma)
-    if after > _EXPLAINED * before or not (clear & enough).any():
-        return [None] * len(captures)
-    gains = np.clip(np.exp(-exposures), 1.0 / MOST_GAIN, MOST_GAIN).round(6).tolist()
-    return [(gain[0], gain[1], gain[2]) if known else None for gain, known in zip(gains, enough, strict=True)]
+    return _Fit(exposures, counts, float(before), float(after))
 
 
-def _log_colours(captures: Sequence[Capture], sparse: SparsePoints) -> np.ndarray:
-    """(P, N, 3): logarithms of linear colours at the points that captures measured, NaN elsewhere."""
-    logs = np.full((*sparse.visibility.shape, 3), np.nan)
-    for index, capture in enumerate(captures):
-        seen = np.flatnonzero(sparse.visibility[:, index])
-        if not len(seen):
-            continue
+def _are_clear(fit: _Fit, least: float) -> bool:
+    """Whether exposures differ: by at least ``least`` somewhere, surely, and so that they explain the colours."""
+    sigma = fit.after / np.sqrt(np.maximum(fit.counts, 1))
+    clear = np.abs(fit.exposures).max(axis=1) > np.maximum(least, _CLEAR_SIGMAS * sigma)
+    return fit.after <= _EXPLAINED * fit.before and bool((clear & fit.is_known).any())
+
+
+def _log_colours(
+    captures: Sequence[Capture], sparse: SparsePoints, measured: Mapping[str, SensorMap]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Logarithms of linear colours, NaN elsewhere: (P, N, 3) where captures measured the sparse points, and
+    (P + Q, N, 3) in all captures that they, and then points of the sensor's, fall in."""
+    maps = [measured.get(capture.name) for capture in captures]
+    points = np.concatenate([sparse.points, *(_sampled(one) for one in maps if one is not None)])
+    tracks = np.full((*sparse.visibility.shape, 3), np.nan)
+    projected = np.full((len(points), len(captures), 3), np.nan)
+    for index, (capture, sensed) in enumerate(zip(captures, maps, strict=True)):
         image = cv2.GaussianBlur(capture.as_taken(), (0, 0), _BLUR_PX)
-        colours = at_pixels(image, sparse.pixels[seen, index])
+        pixels, depth = capture.camera.project(points)
+        falls_in = capture.camera.sees(pixels, depth)
+        if sensed is not None:
+            falls_in[falls_in] = _not_elsewhere(points[falls_in], sensed)
+        seen = sparse.visibility[:, index]
+        projected[falls_in, index] = _log_colours_at(image, pixels[falls_in].astype(np.float32))
+        tracks[seen, index] = _log_colours_at(image, sparse.pixels[seen, index])
+        projected[: len(seen)][seen, index] = tracks[seen, index]
+    return tracks, projected
+
+
+def _log_colours_at(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """(n, 3), NaN where the colour is clipped."""
+    logs = np.full((len(pixels), 3), np.nan)
+    if len(pixels):
+        colours = at_pixels(image, pixels)
         usable = ((colours > _DARKEST) & (colours < _BRIGHTEST)).all(axis=1)
-        logs[seen[usable], index] = np.log(linear_from_srgb(colours[usable]))
+        logs[usable] = np.log(linear_from_srgb(colours[usable]))
     return logs
+
+
+def _sampled(sensed: SensorMap) -> np.ndarray:
+    """(Q, 3) points of a sensor's map, evenly over it."""
+    stride = max(1, round(np.sqrt(sensed.depth.size / _SENSOR_POINTS)))
+    grid = (slice(stride // 2, None, stride),) * 2
+    return sensed.camera.unproject(sensed.depth)[grid][sensed.depth[grid] > 0.0]
+
+
+def _not_elsewhere(points: np.ndarray, sensed: SensorMap) -> np.ndarray:
+    """(n,) bool: False where the sensor saw another depth than that of the point there."""
+    pixels, depth = sensed.camera.project(points)
+    columns, rows = np.clip(pixels.astype(np.int64), 0, [sensed.camera.width - 1, sensed.camera.height - 1]).T
+    shown = sensed.depth[rows, columns]
+    return (shown <= 0.0) | (np.abs(shown - depth) < _SAME_DEPTH * depth)
 
 
 def _fitted(logs: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, float, float]:

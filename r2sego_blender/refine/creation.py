@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -134,11 +134,11 @@ def _create_scene(
             f"each takes its time in every step: --keyframes {settings.max_keyframes} takes that many that show most"
         )
     imported, sparse = triangulate_refined(imported, settings, progress)
-    imported = replace(imported, captures=_evened(imported.captures, sparse, settings, progress))
     registration = register(imported, sparse, scale, settings, progress)
     world_from_capture = registration.world_from_capture
     in_world, sparse_in_world = registration.captures(imported.captures), registration.sparse(sparse)
     measured = _measured(in_world, sparse_in_world, scale, imported.depth, progress)
+    in_world = _evened(in_world, sparse_in_world, measured, settings, progress)
     declaration = Declaration(
         captures_source=f"{imported.source}, frames of {video}" if video else imported.source,
         captures_chosen=chosen,
@@ -187,11 +187,15 @@ def _measured(
 
 
 def _evened(
-    captures: Sequence[Capture], sparse: SparsePoints, settings: CaptureSettings, progress: Progress
+    captures: Sequence[Capture],
+    sparse: SparsePoints,
+    measured: Mapping[str, SensorMap],
+    settings: CaptureSettings,
+    progress: Progress,
 ) -> tuple[Capture, ...]:
     """The captures with their gains and weights, of which those of one exposure, equally sharp, have none."""
     is_wanted = settings.correct_exposure == "auto"
-    gains = exposure_gains_of(captures, sparse) if is_wanted else [None] * len(captures)
+    gains = exposure_gains_of(captures, sparse, measured) if is_wanted else [None] * len(captures)
     if given := [gain for gain in gains if gain is not None]:
         factor = max(max(channel) / min(channel) for channel in zip(*given, strict=True))
         progress.message(

@@ -19,7 +19,6 @@ from ..config.settings import Settings
 from ..core.cameras import Camera
 from ..core.errors import AssetError, SceneError, SettingsError
 from ..core.progress import SILENT, Progress
-from ..generation.generators.exposure import exposure_gains
 from ..geometry.mesh.decimation import decimated
 from ..geometry.mesh.small_holes import small_holes_closed
 from ..geometry.proxy.proxy import PROXY, GeometryProxy
@@ -27,7 +26,6 @@ from ..geometry.texture.textured_mesh import TexturedMesh
 from ..geometry.texture.textured_obj import obj_files
 from ..geometry.texture.texturing import bake
 from ..geometry.texture.unwrapping import unwrapped
-from ..geometry.visibility.rasterizer import MeshRasterizer
 from ..splats.formats.files import publishing
 
 _TOO_MANY = 1.1  # times the faces asked for, which decimation keeps to where it can
@@ -123,7 +121,7 @@ def textured_room(scene: Scene, proxy: GeometryProxy, settings: Settings, progre
 
 
 class _View(NamedTuple):
-    """A capture's ``camera``, its ``image`` at an exposure like the others', and where it is ``shown``."""
+    """A capture's ``camera``, its ``image``, and where it is ``shown``."""
 
     camera: Camera
     image: np.ndarray
@@ -144,10 +142,6 @@ def _baked(
     mesh = unwrapped(*fewer, settings.texture, progress)
     cameras = [capture.camera for capture in captures]
     images = [capture.image() for capture in captures]
-    rasterizer = MeshRasterizer(mesh.vertices, mesh.faces)
-    depths = [rasterizer.render(camera).depth for camera in cameras]
-    gains = exposure_gains(images, cameras, depths, settings.generation.depth_tolerance)
-    images = [image * gain for image, gain in zip(images, gains, strict=True)]
     shown = [_on_photograph(capture) for capture in captures]
     textured = bake(mesh, images, cameras, settings.texture, progress, shown)
     return textured, [_View(*view) for view in zip(cameras, images, shown, strict=True)]

@@ -11,6 +11,7 @@ from expected_errors import refused
 from measured_points import measured
 
 from r2sego_blender.captures.exposure import exposure_gains_of
+from r2sego_blender.captures.sensors.sensor_maps import SensorMap
 from r2sego_blender.captures.store import load_captures, save_captures
 from r2sego_blender.core.colours import linear_from_srgb, srgb_from_linear
 from r2sego_blender.core.errors import CaptureError
@@ -44,6 +45,14 @@ def exposed(room_captures, tmp_path):
     return found
 
 
+def sensed(captures, depths):
+    """What a sensor without errors saw of each capture."""
+    return {
+        capture.name: SensorMap(depth.astype(np.float32), np.full(depth.shape, 0.01, np.float32), capture.camera)
+        for capture, depth in zip(captures, depths, strict=True)
+    }
+
+
 def test_captures_of_one_exposure_have_no_gain(room_captures, sparse):
     assert exposure_gains_of(room_captures, sparse) == [None] * len(room_captures)
 
@@ -63,6 +72,52 @@ def test_exposures_and_white_balances_are_found_up_to_their_mean(exposed, sparse
     assert np.log(gains).mean(axis=0) == pytest.approx(0.0, abs=1e-5)
     even = gains * EXPOSURES
     assert even / np.exp(np.log(even).mean(axis=0)) == pytest.approx(1.0, abs=0.02)
+
+
+def test_captures_that_no_track_links_are_brought_to_one_exposure(exposed, sparse):
+    """Half of the points are matched in two captures, half in the other three; all show nearly all of them."""
+    linked = np.zeros_like(sparse.visibility)
+    linked[::2, :2], linked[1::2, 2:] = True, True
+    apart = replace(sparse, visibility=sparse.visibility & linked)
+    even = np.array(exposure_gains_of(exposed, apart)) * EXPOSURES
+    assert even / np.exp(np.log(even).mean(axis=0)) == pytest.approx(1.0, abs=0.03)
+
+
+def test_a_sensor_links_captures_of_which_no_point_is_known(exposed, room, room_cameras):
+    none = measured(np.zeros((0, 3)), room_cameras)
+    maps = sensed(exposed, [room.depth(camera) for camera in room_cameras])
+    even = np.array(exposure_gains_of(exposed, none, maps)) * EXPOSURES
+    assert even / np.exp(np.log(even).mean(axis=0)) == pytest.approx(1.0, abs=0.03)
+
+
+def test_what_a_sensor_saw_before_the_points_tells_no_exposure(exposed, room, room_cameras, sparse, tmp_path):
+    """A dark board covers most of a capture; its sensor saw it, 0.4 m before the camera."""
+    board = np.zeros(room_cameras[1].shape, bool)
+    board[:, :280] = True
+    image = np.where(board[..., None], np.float32([0.2, 0.1, 0.1]), exposed[1].image())
+    save_image(tmp_path / "board.png", image)
+    captures = [*exposed]
+    captures[1] = replace(captures[1], image_path=tmp_path / "board.png")
+    seen = sparse.visibility.copy()
+    pixels = np.nan_to_num(sparse.pixels[:, 1]).astype(int)
+    seen[board[pixels[:, 1], pixels[:, 0]], 1] = False
+    sparse = replace(sparse, visibility=seen)
+    depths = [room.depth(camera) for camera in room_cameras]
+    depths[1] = np.where(board, np.float32(0.4), depths[1])
+    even = np.array(exposure_gains_of(captures, sparse, sensed(captures, depths))) * EXPOSURES
+    assert even / np.exp(np.log(even).mean(axis=0)) == pytest.approx(1.0, abs=0.03)
+
+
+def test_another_surface_before_the_points_changes_no_exposure(room_captures, sparse, tmp_path):
+    """A wall of one colour stands before a third of a capture's points, and no sensor tells."""
+    image = room_captures[3].image()
+    image[:, :140] = (0.7, 0.3, 0.25)
+    save_image(tmp_path / "wall.png", image)
+    captures = [*room_captures]
+    captures[3] = replace(captures[3], image_path=tmp_path / "wall.png")
+    seen = sparse.visibility.copy()
+    seen[np.nan_to_num(sparse.pixels[:, 3, 0]) < 140.0, 3] = False
+    assert exposure_gains_of(captures, replace(sparse, visibility=seen)) == [None] * len(captures)
 
 
 def test_what_is_corrected_is_alike_and_the_files_stay_as_taken(exposed, room_captures, sparse, tmp_path):

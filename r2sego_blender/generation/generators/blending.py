@@ -28,7 +28,6 @@ from ...core.errors import GenerationError
 from ...geometry.visibility.point_visibility import PROXY_ROUGHNESS_M
 from ...geometry.visibility.projection import NEAR_M
 from ..conditions.conditions import Condition
-from .exposure import exposure_gains
 from .hole_filling import fill_holes
 from .slot import ClipInputs, Frame, Generator, Installation
 from .surface_colours import SurfaceColours
@@ -97,24 +96,21 @@ class BlendingGenerator:
         if [np.shape(depth) for depth in capture_depths] != [camera.shape for camera in cameras]:
             raise ValueError("each capture needs one depth map of its camera's size")
         images = [capture.image() for capture in captures]
-        gains = exposure_gains(images, cameras, capture_depths, settings.depth_tolerance)
         observed = observed_depths or list[np.ndarray | None]([None] * len(captures))
         trusts = [
             capture_trust(depth, seen, settings) * np.float32(capture.weight)
             for capture, depth, seen in zip(captures, capture_depths, observed, strict=True)
         ]
         areas = [camera.width * camera.height for camera in cameras]
-        even = [image * gain for image, gain in zip(images, gains, strict=True)]
         self._settings = settings
-        self._surface = SurfaceColours(even, cameras, capture_depths, trusts)
-        self.gains = gains
+        self._surface = SurfaceColours(images, cameras, capture_depths, trusts)
         self._photographs = _Photographs(
             pose=np.stack([c.camera_from_world[:3] for c in cameras]).astype(np.float32),
             centre=np.stack([c.centre for c in cameras]).astype(np.float32),
             lens=np.array([[c.fx, c.fy, c.cx, c.cy] for c in cameras], np.float32),
             size=np.array([[c.width, c.height] for c in cameras], np.int64),
             start=np.concatenate([[0], np.cumsum(areas)[:-1]]).astype(np.int64),
-            colour=np.concatenate([image.reshape(-1, 3) for image in even]),
+            colour=np.concatenate([image.reshape(-1, 3) for image in images]),
             depth=np.concatenate([np.ravel(d) for d in capture_depths]).astype(np.float32),
             trust=np.concatenate([np.ravel(t) for t in trusts]),
         )
