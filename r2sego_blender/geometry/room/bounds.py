@@ -95,12 +95,7 @@ def _with_bound(
     planes: RoomPlanes, normal: np.ndarray, offset: float, points: np.ndarray, tolerance_m: float
 ) -> RoomPlanes:
     on = int((np.abs(points @ normal - offset) < tolerance_m).sum())
-    return RoomPlanes(
-        np.concatenate([planes.normals, normal[None]]),
-        np.append(planes.offsets, offset),
-        np.append(planes.inliers, on),
-        np.append(planes.bounding, True),
-    )
+    return planes.with_more(normal[None], np.array([offset]), np.array([on]), bounding=True)
 
 
 def _swept(

@@ -51,6 +51,15 @@ class RoomPlanes:
         """The bounding planes alone."""
         return RoomPlanes(*(getattr(self, n)[self.bounding] for n in self.__dataclass_fields__))
 
+    def with_more(self, normals: np.ndarray, offsets: np.ndarray, inliers: np.ndarray, bounding: bool) -> RoomPlanes:
+        """These, and then planes (M, 3), (M,) with (M,) inliers that are all ``bounding``, or not."""
+        return RoomPlanes(
+            np.concatenate([self.normals, normals]),
+            np.concatenate([self.offsets, offsets]),
+            np.concatenate([self.inliers, inliers]),
+            np.concatenate([self.bounding, np.full(len(offsets), bounding)]),
+        )
+
     def depths(self, camera: Camera) -> np.ndarray:
         """(P, H, W) float32 planar depth at which each pixel's ray meets each plane's free
         side, 0 where it does not."""

@@ -58,12 +58,7 @@ def with_sparse_planes(planes: RoomPlanes, sparse: SparsePoints, cameras: Sequen
     if not found:
         return planes
     normals, offsets, inliers = (np.array(each) for each in zip(*found, strict=True))
-    return RoomPlanes(
-        np.concatenate([planes.normals, normals]),
-        np.concatenate([planes.offsets, offsets]),
-        np.concatenate([planes.inliers, inliers]),
-        np.concatenate([planes.bounding, np.zeros(len(found), bool)]),
-    )
+    return planes.with_more(normals, offsets, inliers, bounding=False)
 
 
 def _on(

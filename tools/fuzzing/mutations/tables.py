@@ -14,6 +14,7 @@ import tomli_w
 from .text import WORDS, changed_text
 
 _DEEP, _DIGITS, _LARGE, _HALF = "@@deep@@", "@@digits@@", "@@large@@", "@@half@@"
+_LONGEST = 4 << 20  # of what is repeated, as text: a guided search changes what it has changed
 _RAW = {
     _DEEP: "[" * 20_000 + "]" * 20_000,
     _DIGITS: "9" * 5000,
@@ -78,7 +79,7 @@ def changed_lines(data: bytes, rng: Random) -> tuple[bytes, str]:
 
 def _with_raw(text: str) -> str:
     for word, raw in _RAW.items():
-        text = text.replace(json.dumps(word), raw)
+        text = text.replace(json.dumps(word), raw, max(1, _LONGEST // len(raw)))
     return text
 
 
@@ -148,7 +149,8 @@ def _number(holder: Any, key: Any, rng: Random) -> str:
 def _length(holder: Any, key: Any, rng: Random) -> str:
     value = holder[key]
     if isinstance(value, list) and value:
-        holder[key] = rng.choice((value[:-1], value + value[:1], value[::-1], value * 50, []))
+        times = min(50, max(2, _LONGEST // len(json.dumps(value))))
+        holder[key] = rng.choice((value[:-1], value + value[:1], value[::-1], value * times, []))
         return f"{len(holder[key])} long"
     if isinstance(value, dict):
         value[rng.choice(WORDS)] = rng.choice(_VALUES[:20])
