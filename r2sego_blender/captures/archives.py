@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 import stat
 import struct
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 from typing import IO
 
-from ..core.errors import CaptureError
+from ..core.errors import CaptureError, R2SEgoError
 from ..core.progress import Progress
 from ..core.text_files import opened_file
 from .poses.dropped_files import ARCHIVES, VIDEOS
@@ -51,6 +53,20 @@ def unpack(archive: Path, folder: Path, progress: Progress) -> Path:
             break
         inside = places[0]
     return inside
+
+
+@contextlib.contextmanager
+def errors_of(archive: Path, folder: Path) -> Iterator[None]:
+    """Errors of what was unpacked into ``folder`` name the archive in its place: nobody knows that folder."""
+
+    def named(text: str) -> str:
+        return text.replace(str(folder), str(archive))
+
+    try:
+        yield
+    except R2SEgoError as error:
+        where = None if error.where is None else named(error.where)
+        raise type(error)(named(error.what), where=where, cure=named(error.cure)) from error
 
 
 def _unpack(archive: Path, opened: zipfile.ZipFile, folder: Path, progress: Progress) -> None:

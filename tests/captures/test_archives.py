@@ -62,6 +62,18 @@ def test_a_shared_scan_becomes_a_bundle(tmp_path, room, room_cameras):
     assert np.abs(turn - true).max() < 0.02
 
 
+def test_what_is_wrong_in_it_is_told_of_it(tmp_path, room, room_cameras):
+    """No folder that is gone by then."""
+    images = [to_uint8(room.image(camera)) for camera in room_cameras]
+    export = three_d_scanner_app(tmp_path / "share/today", room_cameras, images, room.depth)
+    (export / "frame_00002.json").write_text("{")
+    shutil.make_archive(str(tmp_path / "scan"), "zip", export.parent)
+    with pytest.raises(CaptureError) as told:
+        create_scene(tmp_path / "scan.r2s", tmp_path / "scan.zip")
+    assert f"{tmp_path / 'scan.zip'}/today/frame_00002.json" in str(told.value)
+    assert "r2sego-" not in str(told.value)
+
+
 def test_of_one_video_it_is_the_video(tmp_path):
     file = archive(tmp_path / "walk.zip", {"today/walk.MOV": b"1"})
     (tmp_path / "in").mkdir()
