@@ -7,7 +7,8 @@ the others saw), and whether it stays clear of space the others saw to be free. 
 aggregated along the image's edges by a guided filter. Where no plane is sure, depth that two
 captures agree on is taken although it matched badly; then a plane that convinces; then what is
 known around goes on, or the envelope of the room (``propagation``); an estimator's depth
-takes the place of what is less sure than it. Sparse points count where stereo sees nothing, as
+takes the place of what is less sure than it. Walls of the envelope behind which a capture sees
+recede for it (``niches``). Sparse points count where stereo sees nothing, as
 evidence for planes, and planes through them are tried beside the room's. What the colours
 of the other captures contradict then moves nearer, patch by patch (``patch_depth``).
 """
@@ -35,6 +36,7 @@ from ..stereo.evidence import FREE_MARGIN, KnownDepth, collect_votes, seen_by_ot
 from ..stereo.stereo import DepthMap
 from ..stereo.weak_depth import weak_depth
 from .completed_depth import CompletedDepth, DepthSource
+from .niches import receded
 from .patch_depth import ColourView, nearer_depth
 from .planes import RoomPlanes
 from .point_evidence import PointEvidence
@@ -157,7 +159,10 @@ def _completed(
         (other, *_depth_in(view.camera, other.camera)) for other in overlapping(index, views, settings.stereo.sources)
     ]
     moments = _moments(view.grey)
+    planes, stays = receded(view.camera, points, planes)
     bound = _nearest(planes.envelope.depths(view.camera))
+    stays[(bound > 0.0) & (bound < stays)] = 0.0
+    bound = np.where(stays > 0.0, stays, bound)
     bound[bound > farthest_m] = 0.0
     last = np.where(bound > 0, bound + _BEHIND_ENVELOPE_M, farthest_m)
     anchor = _anchor(index, views)
@@ -206,7 +211,7 @@ def _completed(
     likely = np.isin(source, (DepthSource.ENVELOPE, DepthSource.FILLED))
     if likely.any():
         gone_on = propagated_depth(view, points, planes, last)
-        likely &= (gone_on > 0) & (gone_on != bound)
+        likely &= (gone_on > 0) & (gone_on != bound) & (stays <= 0)
         depth[likely], source[likely] = gone_on[likely], DepthSource.FILLED
     depth = _filled(depth, observed)
     nearer = nearer_depth(view, [other for other, _, _ in others], depth)

@@ -17,12 +17,13 @@ _HALF_SURE = 0.25  # the weight at which points are half believed
 
 @dataclass(frozen=True)
 class PointEvidence:
-    """Points that a capture measured: the ``rows`` and ``columns`` (n,) of their pixels, the planar ``depth`` (n,)
-    in metres; ``shape`` is the picture's."""
+    """Points that a capture measured: the ``rows`` and ``columns`` (n,) of their pixels, the planar ``depth`` (n,) in
+    metres, and where they are in the ``world`` (n, 3); ``shape`` is the picture's."""
 
     rows: np.ndarray
     columns: np.ndarray
     depth: np.ndarray
+    world: np.ndarray
     shape: tuple[int, int]
 
     @staticmethod
@@ -31,7 +32,7 @@ class PointEvidence:
         pixels, depth = camera.project(points)
         seen = camera.sees(pixels, depth)
         columns, rows = pixels[seen].astype(np.int64).T
-        return PointEvidence(rows, columns, depth[seen], camera.shape)
+        return PointEvidence(rows, columns, depth[seen], points[seen], camera.shape)
 
     def against(self, depth: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarray]:
         """How much the points around each pixel differ from a surface's ``depth`` (H, W), 0 where it is none: (H, W)
