@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from ..core.colours import linear_from_srgb
 from ..core.images import at_pixels
@@ -22,6 +23,7 @@ MOST_GAIN = 8.0
 _BLUR_PX = 2.0  # so that a pixel of misregistration does not read as a change of exposure
 _DARKEST, _BRIGHTEST = 0.05, 0.95  # of sRGB: clipped values say nothing about exposure
 _FEWEST_POINTS = 30
+_LINKED_POINTS = 100  # that two captures have to share: fewer are often wrong together, or of one shiny thing
 _ITERATIONS = 30
 # Weight of "no change" against a capture's points, so that what shares little stays near the others.
 _PRIOR_POINTS = 5.0
@@ -47,13 +49,18 @@ def exposure_gains_of(
     Colours in linear light are fitted by one colour a point times one gain a capture and channel, robustly (Huber)
     and jointly, so that errors do not add up along a walk; the gains' geometric mean is 1 in each channel.
 
-    Tracks alone link too few captures: exposure and place differ most between the same two, where nothing is
-    matched. So a point counts in every capture whose picture it falls in, unless its sensor saw another depth there;
-    what stands before it in some is the robust fit's to leave out. A capture that shares few points stays as it is.
+    Tracks tell exposures best, but link too few captures: exposure and place differ most between the same two, where
+    nothing is matched. Groups of captures that they do not link surely are brought together by the points' colours
+    in all captures whose pictures they fall in; what stands before them in some is the robust fit's to leave out.
+    Where every capture has a sensor, that tells what stands there, and all points count alike. A capture that
+    shares few points stays as it is.
     """
-    tracks, projected = _log_colours(captures, sparse, measured or {})
-    fit = _fit(projected)
-    if not (_are_clear(_fit(tracks), _CLEAR) or _are_clear(fit, _CLEAR_PROJECTED)):
+    measured = measured or {}
+    tracks, projected = _log_colours(captures, sparse, measured)
+    matched = _fit(tracks)
+    is_sensed = all(capture.name in measured for capture in captures)
+    fit = _fit(projected) if is_sensed else _joined(matched, tracks, projected)
+    if not (_are_clear(matched, _CLEAR) or _are_clear(fit, _CLEAR_PROJECTED)):
         return [None] * len(captures)
     gains = np.clip(np.exp(-fit.exposures), 1.0 / MOST_GAIN, MOST_GAIN).round(6).tolist()
     return [(gain[0], gain[1], gain[2]) if known else None for gain, known in zip(gains, fit.is_known, strict=True)]
@@ -89,11 +96,30 @@ def _fit(logs: np.ndarray) -> _Fit:
     return _Fit(exposures, counts, float(before), float(after))
 
 
+def _joined(matched: _Fit, tracks: np.ndarray, projected: np.ndarray) -> _Fit:
+    """What ``matched`` tells within groups of captures that many ``tracks`` link, and between them the points'
+    colours ``projected``, each group's as one capture's."""
+    usable = np.isfinite(tracks[..., 0]).astype(np.int64)
+    _, group = connected_components(usable.T @ usable >= _LINKED_POINTS)
+    within = np.where(matched.is_known[:, None], matched.exposures, 0.0)
+    even = projected - within
+    logs = np.full((len(projected), group.max() + 1, 3), np.nan)
+    for index in range(logs.shape[1]):
+        members = even[:, group == index]
+        count = np.isfinite(members[..., 0]).sum(axis=1)
+        logs[count > 0, index] = np.nansum(members, axis=1)[count > 0] / count[count > 0, None]
+    between = _fit(logs)
+    exposures = within + np.where(between.is_known[:, None], between.exposures, 0.0)[group]
+    counts = np.maximum(matched.counts, between.counts[group])
+    exposures -= exposures[counts >= _FEWEST_POINTS].mean(axis=0) if (counts >= _FEWEST_POINTS).any() else 0.0
+    return _Fit(exposures, counts, between.before, between.after)
+
+
 def _are_clear(fit: _Fit, least: float) -> bool:
     """Whether exposures differ: by at least ``least`` somewhere, surely, and so that they explain the colours."""
     sigma = fit.after / np.sqrt(np.maximum(fit.counts, 1))
     clear = np.abs(fit.exposures).max(axis=1) > np.maximum(least, _CLEAR_SIGMAS * sigma)
-    return fit.after <= _EXPLAINED * fit.before and bool((clear & fit.is_known).any())
+    return 0.0 < fit.after <= _EXPLAINED * fit.before and bool((clear & fit.is_known).any())
 
 
 def _log_colours(
