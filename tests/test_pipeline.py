@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from progress_recorder import ProgressRecorder
 from step_reads import KeysOnly, WatchedRunner, another
 
 from r2sego_blender.bundle.figures import COUNTS
+from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.store import load_captures
 from r2sego_blender.commands.cli import main
@@ -261,6 +263,29 @@ def test_where_no_view_is_kept_the_arm_without_generated_views_is_the_refined_as
     journal = scene.journal()
     train_without_generated_views(scene)
     assert scene.journal() == journal
+
+
+class NoFloorLater(Runner):
+    """In round 1 a box stands on the whole floor."""
+
+    def do(self, step):
+        def blocked(place: Path) -> None:
+            step.compute(place)
+            file = place / "scene.xml"
+            box = '<worldbody><geom type="box" size="50 50 0.5" pos="0 0 0.6"/></worldbody></mujoco>'
+            file.write_text(file.read_text().replace("</mujoco>", box))
+
+        super().do(dataclasses.replace(step, compute=blocked) if step.target == "rounds/1/collision" else step)
+
+
+def test_a_later_round_without_floor_goes_on_with_the_rollouts_before(small_room, tmp_path):
+    scene = Scene.open(shutil.copytree(small_room.path, tmp_path / "copy.r2s"))
+    shutil.rmtree(scene.path / "rounds/1")
+    told = ProgressRecorder()
+    refine(scene, told, runner=NoFloorLater(scene))
+    first, second = (content_digest(scene.round_folder(index) / "rollouts" / "rollouts.npz") for index in range(2))
+    assert first == second and describe(scene)["refined"]
+    assert any("rounds/1/collision/scene.xml" in message for message in told.warnings)
 
 
 def test_the_same_seed_gives_the_same_bundle(small_room, tmp_path):

@@ -56,6 +56,10 @@ class RobotError(R2SEgoError):
     """A robot model, behaviour scope or rollout that cannot work."""
 
 
+class NoFloorError(RobotError):
+    """A collision surface that leaves the robot no floor to stand on."""
+
+
 class GenerationError(R2SEgoError):
     """Conditions, generated clips or their registration that cannot be made."""
 

@@ -12,13 +12,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from ..bundle.artifacts import Artifact, file_at
 from ..bundle.figures import COUNTS
 from ..captures.per_capture import PerCapture
+from ..core.errors import NoFloorError
 from ..generation.carried_decisions import carry_decisions
 from ..generation.conditions.conditions import ZBufferRenderer
 from ..generation.conditions.point_condition import PointConditions
@@ -135,24 +136,35 @@ class Steps(CaptureSteps):
         """V_0^l: rollouts resampled until enough succeed, every attempt kept with its reason.
 
         A scope that asks for the free floor gets the part of it that captures vouch for. A student sees the asset.
+        Where a later round's collision surface leaves no floor, the rollouts of the round before stand for its own:
+        what the robot reached there it still shows the asset.
         """
         behaviour = self._behaviour
+        before = [ROLLOUTS.of_round(l - 1)] if l else []
         seats = [priors.objects] if behaviour.names_object else []
         seen = [asset] if behaviour.sees else []
 
         def roll_out(captures: Captures, proxy: GeometryProxy, collision: Path, *others: Any) -> tuple[Rollout, ...]:
             if self.h.selection.candidates == "flight":
                 return self._flights(l, captures, proxy)
+            earlier, others = others[: len(before)], others[len(before) :]
             placed = behaviour.placed(captures, proxy, others[0] if seats else ())
-            return successful_rollouts(
-                behaviour.model,
-                placed,
-                collision / "scene.xml",
-                self.h.rollouts,
-                self._seed_of(l),
-                self.progress,
-                behaviour.sight(others[len(seats)]) if seen else None,
-            )
+            sight = behaviour.sight(others[len(seats)]) if seen else None
+            try:
+                return successful_rollouts(
+                    behaviour.model,
+                    placed,
+                    collision / "scene.xml",
+                    self.h.rollouts,
+                    self._seed_of(l),
+                    self.progress,
+                    sight,
+                )
+            except NoFloorError as error:
+                if not earlier:
+                    raise
+                self.progress.message(f"{error} The rollouts of round {l - 1} stand for this round's.", "warning")
+                return cast("tuple[Rollout, ...]", earlier[0])
 
         return self._make(
             ROLLOUTS.of_round(l),
@@ -160,6 +172,7 @@ class Steps(CaptureSteps):
             captures.photographs,
             proxy,
             collision,
+            *before,
             *seats,
             *seen,
             *(file_at(file) for file in behaviour.scope.files),

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import ndimage
 from skimage.measure import points_in_poly
 
-from ...core.errors import RobotError
+from ...core.errors import NoFloorError, RobotError
 from ..model.composition import compile_scene, geom_bounds, scene_spec
 from ..model.model import RobotModel
 from ..model.mujoco_warnings import mujoco_warnings
@@ -64,7 +64,7 @@ def free_floor(robot: RobotModel, scope: BehaviourScope, collision_mjcf: Path) -
     A cell is free where an upright cylinder around the resting robot, from ``FLATNESS_M`` above
     the floor to the head and grown by the scope's clearance, touches nothing and a flat floor
     lies below. The largest
-    connected piece is kept. Raises RobotError when nothing is left.
+    connected piece is kept. Raises NoFloorError when nothing is left.
     """
     radius_m = robot.radius_m + scope.region.clearance_m
     model, probe = _with_probe(collision_mjcf, radius_m, robot.height_m)
@@ -78,7 +78,7 @@ def free_floor(robot: RobotModel, scope: BehaviourScope, collision_mjcf: Path) -
     data = mujoco.MjData(model)
     floor_z = _floor_heights(model, data, probe, centres, inside)
     if not np.isfinite(floor_z).any():
-        raise RobotError(
+        raise NoFloorError(
             "the collision scene has no floor to stand on",
             where=collision_mjcf,
             cure="Photograph the floor; or lay the ground (`r2sego register`, in Blender Captures), or draw "
@@ -95,7 +95,7 @@ def free_floor(robot: RobotModel, scope: BehaviourScope, collision_mjcf: Path) -
             warned.clear()
     pieces, count = ndimage.label(free)
     if count == 0:
-        raise RobotError(
+        raise NoFloorError(
             f"there is no free floor of {2.0 * radius_m:.2f} m across in the region",
             where=collision_mjcf,
             cure="Check the collision surface, or give the behaviour scope a smaller region.clearance_m "
