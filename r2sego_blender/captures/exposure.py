@@ -111,7 +111,9 @@ def _joined(matched: _Fit, tracks: np.ndarray, projected: np.ndarray) -> _Fit:
     between = _fit(logs)
     exposures = within + np.where(between.is_known[:, None], between.exposures, 0.0)[group]
     counts = np.maximum(matched.counts, between.counts[group])
-    exposures -= exposures[counts >= _FEWEST_POINTS].mean(axis=0) if (counts >= _FEWEST_POINTS).any() else 0.0
+    known = counts >= _FEWEST_POINTS
+    if known.any():
+        exposures -= exposures[known].mean(axis=0)
     return _Fit(exposures, counts, between.before, between.after)
 
 

@@ -74,6 +74,17 @@ def test_exposures_and_white_balances_are_found_up_to_their_mean(exposed, sparse
     assert even / np.exp(np.log(even).mean(axis=0)) == pytest.approx(1.0, abs=0.02)
 
 
+def test_clipped_pixels_say_nothing_of_exposure(room_captures, sparse, tmp_path):
+    """Part of a capture is white, for twice the light; the rest tells by how much."""
+    linear = 2.0 * linear_from_srgb(room_captures[2].image())
+    assert 0.05 < (linear >= 1.0).any(axis=2).mean() < 0.9
+    save_image(tmp_path / "bright.png", srgb_from_linear(np.clip(linear, 0.0, 1.0)))
+    captures = [*room_captures]
+    captures[2] = replace(captures[2], image_path=tmp_path / "bright.png")
+    gains = np.array(exposure_gains_of(captures, sparse))
+    np.testing.assert_allclose(gains[0] / gains[2], 2.0, rtol=0.05)
+
+
 def test_captures_that_no_track_links_are_brought_to_one_exposure(exposed, sparse):
     """Half of the points are matched in two captures, half in the other three; all show nearly all of them."""
     linked = np.zeros_like(sparse.visibility)

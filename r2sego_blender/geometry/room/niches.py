@@ -26,11 +26,13 @@ def receded(camera: Camera, points: PointEvidence, planes: RoomPlanes) -> tuple[
 
     A wall that recedes is among the planes as it was, too, bounding nothing.
     """
-    offsets, moved = planes.offsets.copy(), np.zeros(len(planes.offsets), bool)
     stays = np.zeros(camera.shape, np.float32)
-    upright = np.abs(planes.normals[:, 2]) < 0.5
-    depths = planes.depths(camera) if len(points.depth) >= _FEWEST else ()
-    for index in np.flatnonzero(planes.bounding & upright) if len(depths) else ():
+    if len(points.depth) < _FEWEST:
+        return planes, stays
+    offsets, moved = planes.offsets.copy(), np.zeros(len(planes.offsets), bool)
+    walls = planes.bounding & (np.abs(planes.normals[:, 2]) < 0.5)
+    depths = planes.depths(camera)
+    for index in np.flatnonzero(walls):
         wall = depths[index]
         before = wall[points.rows, points.columns]
         behind = (before > 0.0) & (points.depth > (1.0 + _BEHIND_SHARE) * before + _BEHIND_M)

@@ -10,14 +10,12 @@ PROXY_ROUGHNESS_M = np.float32(0.01)
 """Differences of depth below a centimetre are the proxy's own roughness, at any distance."""
 
 
-def looked_up(
-    points: np.ndarray, camera: Camera, *images: np.ndarray, margin_px: float = 0.0
-) -> tuple[np.ndarray, ...]:
-    """Which of ``points`` (..., 3) fall on the camera's image, less a margin: (...,) bool; the planar
-    depth of those, (n,) metres; and what each of its ``images`` (H, W, ...) has at their pixels (n, ...).
+def looked_up(points: np.ndarray, camera: Camera, *images: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Which of ``points`` (..., 3) fall on the camera's image: (...,) bool; the planar depth of
+    those, (n,) metres; and what each of its ``images`` (H, W, ...) has at their pixels (n, ...).
     """
     pixels, depth = camera.project(points)
-    inside = camera.sees(pixels, depth, margin_px)
+    inside = camera.sees(pixels, depth)
     columns, rows = pixels[inside].astype(np.int64).T
     return inside, depth[inside], *(image[rows, columns] for image in images)
 
