@@ -20,6 +20,7 @@ _NEIGHBOURS = 24
 _REFINED = 60
 # Tolerances, as shares, of the successive fits: wide at first, then until nothing changes.
 _REFINEMENT = (2.0, 1.5, 1.2) + 20 * (1.0,)
+_SETTLED_AFTER = 20
 _MIN_SUPPORT = 15
 _MIN_SUPPORT_SHARE = 0.012
 # Triangulation errors put some points below a floor; more than this means it is a table.
@@ -115,6 +116,7 @@ def find_ground(
         # lowest and those like it, the best supported one is the floor.
         alike = heights >= heights.max() * (1.0 - _SAME_FLOOR)
         normal, offset, _ = max((floors[i] for i in np.flatnonzero(alike)), key=lambda plane: plane[2])
+        normal, offset = _settled(points, normal, offset, tolerance)
         support = int((np.abs(points @ normal - offset) <= tolerance).sum())
         return Ground(normal, offset, support, True, f"floor plane through {support} points")
     if measured:
@@ -247,3 +249,16 @@ def _refined(
         return None
     contrast = _contrast(points, normal[None], np.array([offset]), tolerance)[0]
     return normal, offset, float(contrast)
+
+
+def _settled(points: np.ndarray, normal: np.ndarray, offset: float, tolerance: float) -> tuple[np.ndarray, float]:
+    """The plane by Tukey's biweight: what barely lies on it, such as a wall's foot, does not tilt it."""
+    for _ in range(_SETTLED_AFTER):
+        off = (points @ normal - offset) / tolerance
+        on = np.abs(off) < 1.0
+        root_weight = 1.0 - off[on] ** 2
+        centre = np.average(points[on], axis=0, weights=root_weight**2)
+        axis = np.linalg.svd((points[on] - centre) * root_weight[:, None], full_matrices=False)[2][2]
+        normal = axis * (1.0 if axis @ normal >= 0 else -1.0)
+        offset = float(normal @ centre)
+    return normal, offset

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from expected_errors import refused
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from measured_points import measured
 from scipy.spatial.transform import Rotation
@@ -159,12 +159,13 @@ def test_declared_and_measured_units_are_taken_as_they_are(rng, scale, metric, f
 
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10**6), floor=st.integers(90, 400))
+@example(357, 221)  # seven points of a wall's foot tilted it by 0.84 degrees
 def test_a_floor_of_few_points_wins_over_a_dense_table(seed, floor):
     rng = np.random.default_rng(seed)
     ground = find_ground(_furnished(rng, floor=floor), _held(rng), 0.03)
     assert ground.found
     assert abs(ground.offset) < 0.01
-    assert np.degrees(np.arccos(ground.normal[2])) < 1.0  # usually 0.04; 0.84 was seen of 221 points
+    assert np.degrees(np.arccos(ground.normal[2])) < 0.5
 
 
 def test_the_floor_of_many_points_is_found_in_little_memory(rng):
