@@ -101,8 +101,8 @@ def _empty_field(
 ) -> DistanceField:
     """A field that covers what was seen, less outliers, and what the envelope lets through.
 
-    Pixels of the envelope count where they are no farther off than what is sure: on an open
-    side of the room they may lie anywhere.
+    Pixels of the envelope, or to which other depth went on, count where they are no farther off than what is sure:
+    on an open side of the room they may lie anywhere.
     """
     seen = [np.asarray(observed.points, np.float64).reshape(-1, 3)]
     sure = [
@@ -112,7 +112,8 @@ def _empty_field(
     depths = [view.depth[is_sure] for view, is_sure in zip(completed, sure, strict=True)]
     farthest_m = max((np.quantile(depth, 1 - _OUTLIERS) for depth in depths if len(depth)), default=0.0)
     for view, is_sure in zip(completed, sure, strict=True):
-        bound = (view.source == DepthSource.ENVELOPE) & (view.depth > 0) & (view.depth <= farthest_m)
+        guessed = np.isin(view.source, (DepthSource.ENVELOPE, DepthSource.FILLED))
+        bound = guessed & (view.depth > 0) & (view.depth <= farthest_m)
         seen.append(view.camera.unproject(view.depth)[is_sure | bound][::7])
     points = np.concatenate(seen)
     centres = np.array([view.camera.centre for view in completed])

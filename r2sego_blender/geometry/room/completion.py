@@ -6,17 +6,18 @@ homography, how well the plane agrees with reliable depth nearby (this capture's
 the others saw), and whether it stays clear of space the others saw to be free. The costs are
 aggregated along the image's edges by a guided filter. Where no plane is sure, depth that two
 captures agree on is taken although it matched badly; then a plane that convinces; then what is
-known around goes on, or the envelope of the room (``propagation``); an estimator's depth
-takes the place of what is less sure than it. Walls of the envelope behind which a capture sees
-recede for it (``niches``). Sparse points count where stereo sees nothing, as
-evidence for planes, and planes through them are tried beside the room's. What the colours
-of the other captures contradict then moves nearer, patch by patch (``patch_depth``).
+known around goes on (``propagation``), or the envelope of the room where colours or the depth of
+other captures speak for it; an estimator's depth takes the place of what is less sure than it.
+Walls of the envelope behind which a capture sees recede for it (``niches``). Sparse points count
+where stereo sees nothing, as evidence for planes, and planes through them are tried beside the
+room's. What the colours of the other captures contradict then moves nearer, patch by patch
+(``patch_depth``).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -37,7 +38,7 @@ from ..stereo.stereo import DepthMap
 from ..stereo.weak_depth import weak_depth
 from .completed_depth import CompletedDepth, DepthSource
 from .niches import receded
-from .patch_depth import ColourView, nearer_depth
+from .patch_depth import ColourView, more_alike, nearer_depth
 from .planes import RoomPlanes
 from .point_evidence import PointEvidence
 from .propagation import propagated_depth
@@ -93,13 +94,15 @@ def complete_depth(
     known = [*(view.known for view in views), *(one.depth for one in carrying)]
     farthest_m = _FARTHEST * max((float(depth.max()) for depth in known), default=0.0) or np.inf
     with progress.task("Completing depth", len(views)) as task:
-        completed = []
+        completed, bounds = [], []
         for index in range(len(views)):
             estimate = estimates[index] if estimates else None
             points = PointEvidence.of(views[index].camera, sparse.points[sparse.visibility[:, index]])
-            completed.append(_completed(index, views, planes, points, farthest_m, settings, estimate))
+            found, bound = _completed(index, views, planes, points, farthest_m, settings, estimate)
+            completed.append(found)
+            bounds.append(bound)
             task.advance()
-    return tuple(completed)
+    return tuple(_unopposed(index, completed, bound) for index, bound in enumerate(bounds))
 
 
 def trusted_depth(depth_maps: Sequence[DepthMap], settings: StereoSettings) -> tuple[KnownDepth, ...]:
@@ -153,11 +156,11 @@ def _completed(
     farthest_m: float,
     settings: Settings,
     estimate: AlignedDepth | None,
-) -> CompletedDepth:
+) -> tuple[CompletedDepth, np.ndarray]:
+    """The depth of view ``index``, and the (H, W) envelope's behind it, 0 where there is none."""
     view = views[index]
-    others = [
-        (other, *_depth_in(view.camera, other.camera)) for other in overlapping(index, views, settings.stereo.sources)
-    ]
+    overlapping_views = overlapping(index, views, settings.stereo.sources)
+    others = [(other, *_depth_in(view.camera, other.camera)) for other in overlapping_views]
     moments = _moments(view.grey)
     planes, stays = receded(view.camera, points, planes)
     bound = _nearest(planes.envelope.depths(view.camera))
@@ -165,7 +168,8 @@ def _completed(
     bound = np.where(stays > 0.0, stays, bound)
     bound[bound > farthest_m] = 0.0
     last = np.where(bound > 0, bound + _BEHIND_ENVELOPE_M, farthest_m)
-    anchor = _anchor(index, views)
+    elsewhere = [KnownDepth(other.camera, other.known) for j, other in enumerate(views) if j != index]
+    anchor = _anchor(view, elsewhere)
     best_cost = np.full(view.camera.shape, np.inf, np.float32)
     best_depth = np.zeros(view.camera.shape, np.float32)
     for depth, row in zip(planes.depths(view.camera), planes.inverse_depth_rows(view.camera), strict=True):
@@ -210,17 +214,33 @@ def _completed(
         depth[surer], source[surer] = estimate.depth[surer], DepthSource.ESTIMATED
     likely = np.isin(source, (DepthSource.ENVELOPE, DepthSource.FILLED))
     if likely.any():
-        gone_on = propagated_depth(view, points, planes, last)
+        gone_on = propagated_depth(view, points, planes, last, elsewhere)
         likely &= (gone_on > 0) & (gone_on != bound) & (stays <= 0)
+        likely &= ~more_alike(view, overlapping_views, likely & (bound > 0), bound, gone_on)
         depth[likely], source[likely] = gone_on[likely], DepthSource.FILLED
     depth = _filled(depth, observed)
-    nearer = nearer_depth(view, [other for other, _, _ in others], depth)
+    nearer = nearer_depth(view, overlapping_views, depth)
     moved = nearer > 0
     depth[moved], source[moved] = nearer[moved], DepthSource.PLANE
     if estimate is None:
-        return CompletedDepth(depth, source, view.camera)
+        return CompletedDepth(depth, source, view.camera), bound
     certainty = np.where(source == DepthSource.ESTIMATED, certainty_of(estimate.sigma), np.float32(0.0))
-    return CompletedDepth(depth, source, view.camera, certainty)
+    return CompletedDepth(depth, source, view.camera, certainty), bound
+
+
+def _unopposed(index: int, completed: Sequence[CompletedDepth], bound: np.ndarray) -> CompletedDepth:
+    """That of view ``index``, where what merely went on gives way to the ``bound`` (H, W) behind it if more of the
+    others look through it than agree: what hangs before the room spoils pictures, what lies too far hardly does."""
+    one = completed[index]
+    opposed = (one.source == DepthSource.FILLED) & (bound > one.depth)
+    others = [KnownDepth(other.camera, other.depth) for j, other in enumerate(completed) if j != index]
+    votes = collect_votes(one.camera.unproject(one.depth)[opposed], others, FREE_MARGIN)
+    opposed[opposed] = votes.through > votes.agree
+    return replace(
+        one,
+        depth=np.where(opposed, bound, one.depth).astype(np.float32),
+        source=np.where(opposed, np.uint8(DepthSource.ENVELOPE), one.source),
+    )
 
 
 def overlapping(index: int, views: Sequence[Any], count: int) -> list[Any]:
@@ -244,10 +264,8 @@ def _nearest(depths: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(nearest), nearest, 0).astype(np.float32)
 
 
-def _anchor(index: int, views: Sequence[_View]) -> np.ndarray:
+def _anchor(view: _View, others: Sequence[KnownDepth]) -> np.ndarray:
     """(H, W) reliable depth: the capture's own, else what the others saw, where visible here."""
-    view = views[index]
-    others = [KnownDepth(other.camera, other.known) for j, other in enumerate(views) if j != index]
     seen = seen_by_others(view.camera, others, view.known)
     return np.where(view.known > 0, view.known, seen).astype(np.float32)
 

@@ -104,6 +104,21 @@ def nearer_depth(view: ColourView, others: Sequence[ColourView], depth: np.ndarr
     return np.where(nearer, np.append(tried, 0.0)[choice][patches], 0.0).astype(np.float32)
 
 
+def more_alike(
+    view: ColourView, others: Sequence[ColourView], asked: np.ndarray, depth: np.ndarray, than: np.ndarray
+) -> np.ndarray:
+    """(H, W) bool: where the others show the view's colours more at ``depth`` than at the depth ``than``, by patches
+    of the pixels ``asked`` for; all (H, W), depths in planar metres. False where none sees both."""
+    if not asked.any() or not others:
+        return np.zeros(asked.shape, bool)
+    patches = superpixels(view.colours, _PATCH_PX, _COMPACTNESS)
+    area = np.bincount(patches[asked], minlength=int(patches.max()) + 1)
+    evidence = _Evidence(view.camera, view.colours[asked], view.camera.rays()[asked], patches[asked], area, others)
+    (cost,), (seen,) = evidence.against(depth[asked], np.ones(1), np.full(len(area), np.inf))
+    (cost_than,), (seen_than,) = evidence.against(than[asked], np.ones(1), np.full(len(area), np.inf))
+    return asked & ((np.minimum(seen, seen_than) > 0) & (cost < cost_than))[patches]
+
+
 def _noise(view: ColourView, patches: np.ndarray, others: Sequence[ColourView]) -> float:
     """What the others' colours cost patches whose depth is known: exposures, gloss and blur differ. 0 where too few
     tell."""

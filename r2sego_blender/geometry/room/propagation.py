@@ -2,15 +2,19 @@
 
 Behind everything stands the room's envelope, but what a blank pixel shows is more often a cupboard's door beside
 which a few points were measured. So each superpixel asks what is known of its own photograph: near, of like colour.
-The plane that explains most of it goes on to there, unless it is far in the room from what it was seen by; where
-little is known, the envelope is likelier.
+The plane that explains most of it goes on to there, unless it is far in the room from what it was seen by, or other
+captures see through it; where little is known, the envelope is likelier.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.spatial import cKDTree
 
+from ...core.cameras import Camera
+from ..stereo.evidence import FREE_MARGIN, KnownDepth, collect_votes
 from .patch_depth import ColourView
 from .planes import RoomPlanes
 from .point_evidence import PointEvidence
@@ -28,12 +32,16 @@ _BOUNDS = 2.0  # times as likely as another plane is one that bounds the room
 _LEVEL_REACH_M, _UPRIGHT_REACH_M = 0.5, 2.0  # a table's top ends sooner than a cupboard's front
 _EXPLAINED = 0.2  # of what is known, that a plane has to explain
 _SWEPT_INLIERS = 8  # a bound with no more points was found by its colours (``bounds``): it stays
+_SEEN_THROUGH = 0.1  # times as likely for each capture that sees through it
 _NEAREST_M = 0.3
 
 
-def propagated_depth(view: ColourView, points: PointEvidence, planes: RoomPlanes, last: np.ndarray) -> np.ndarray:
+def propagated_depth(
+    view: ColourView, points: PointEvidence, planes: RoomPlanes, last: np.ndarray, others: Sequence[KnownDepth]
+) -> np.ndarray:
     """(H, W) float32 planar metres at which what is known of ``view``, trusted depth and ``points``, goes on; 0 where
-    nothing is known or there is no plane. ``last`` (H, W): nothing lies beyond."""
+    nothing is known or there is no plane. ``last`` (H, W): nothing lies beyond; ``others`` are the trusted depth of
+    the other captures."""
     patches = superpixels(view.colours, max(round(_PATCH_SHARE * view.camera.width), 2), _COMPACTNESS)
     rows, columns, known = _known(view, points, patches)
     if not len(known) or not len(planes.normals):
@@ -58,12 +66,22 @@ def propagated_depth(view: ColourView, points: PointEvidence, planes: RoomPlanes
             here = here * np.exp(-0.5 * (away / reach_m) ** 2)
         else:
             continue
+        here = here * _SEEN_THROUGH ** _seeing_through(view.camera, at, depth[at], others)
         score[:, index] = np.where((depth[at] > _NEAREST_M) & (depth[at] <= far), here, 0.0)
     best = score.argmax(axis=1)
     found = np.take_along_axis(depths, best[patches][None], axis=0)[0]
     unexplained = (score.max(axis=1) < _EXPLAINED)[patches] | (found <= _NEAREST_M) | (found > last)
     around = np.exp(weights @ np.log(known))
+    around[_seeing_through(view.camera, at, around, others) > 0] = np.inf
     return np.where(unexplained, np.minimum(around[patches], last), found).astype(np.float32)
+
+
+def _seeing_through(
+    camera: Camera, at: tuple[np.ndarray, np.ndarray], depth: np.ndarray, others: Sequence[KnownDepth]
+) -> np.ndarray:
+    """(P,) how many of the ``others`` see through what has ``depth`` (P,) at the pixels ``at``."""
+    rays = camera.rays()[at] @ camera.world_from_camera[:3, :3].T
+    return collect_votes(camera.centre + rays * depth[:, None], others, FREE_MARGIN).through
 
 
 def _known(view: ColourView, points: PointEvidence, patches: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

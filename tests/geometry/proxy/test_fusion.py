@@ -113,12 +113,13 @@ def test_the_envelope_is_sheets_and_not_loose_cells(proxy):
     assert len(np.unique(proxy.vertices, axis=0)) == len(proxy.vertices)
 
 
-def test_the_field_reaches_a_wall_that_only_the_envelope_explains(room, completed, observed, envelope):
+@pytest.mark.parametrize("guess", [DepthSource.ENVELOPE, DepthSource.FILLED])
+def test_the_field_reaches_a_wall_that_is_only_guessed(room, completed, observed, envelope, guess):
     """Without any point on a wall (x = 2) it is fused as far as the captures look at it."""
     views, walls = [], []
     for view in completed:
         walls.append(view.camera.unproject(view.depth)[..., 0] > 1.95)
-        views.append(dataclasses.replace(view, source=np.where(walls[-1], DepthSource.ENVELOPE, view.source)))
+        views.append(dataclasses.replace(view, source=np.where(walls[-1], guess, view.source)))
     kept = observed.points[:, 0] < 1.9
     inside = SimpleNamespace(points=observed.points[kept], normals=observed.normals[kept])
     proxy = compose_proxy(room.captures, views, inside, envelope, (), SETTINGS)

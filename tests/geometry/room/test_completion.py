@@ -12,7 +12,7 @@ from r2sego_blender.config.settings import Settings
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import GeometryError
 from r2sego_blender.geometry.room.completed_depth import CompletedDepth, DepthSource
-from r2sego_blender.geometry.room.completion import _homography, complete_depth, trusted_depth
+from r2sego_blender.geometry.room.completion import _homography, _unopposed, complete_depth, trusted_depth
 from r2sego_blender.geometry.room.planes import RoomPlanes, find_planes
 
 SETTINGS = Settings()
@@ -103,6 +103,28 @@ def test_depth_that_others_see_through_is_not_trusted(room):
     assert (trusted[1].depth[floating] > 0).mean() < 0.05
     assert (trusted[1].depth[~floating] > 0).mean() > 0.97
     assert (trusted[0].depth > 0).mean() > 0.97
+
+
+@pytest.mark.parametrize(("agreeing", "stays"), [(0, False), (1, True)])
+def test_what_went_on_gives_way_where_more_captures_see_through_it_than_agree(agreeing, stays):
+    near_m, wall_m = 2.0, 4.0
+    facing = Camera(80, 60, 60.0, 60.0, 40.0, 30.0, np.eye(4))
+    beside = np.eye(4)
+    beside[0, 3] = 0.5
+    source = np.full(facing.shape, DepthSource.PLANE, np.uint8)
+    wall = CompletedDepth(np.full(facing.shape, wall_m, np.float32), source, facing.at(beside))
+    source, depth = source.copy(), wall.depth.copy()
+    source[20:40, 30:50], depth[20:40, 30:50] = DepthSource.FILLED, near_m
+    source[:5], depth[:5] = DepthSource.PLANE, near_m
+    hanging = CompletedDepth(depth, source, facing)
+    same = CompletedDepth(np.full(facing.shape, near_m, np.float32), np.zeros_like(source), facing)
+    bound = np.full(facing.shape, wall_m, np.float32)
+    left = _unopposed(0, [hanging, wall, *[same] * agreeing], bound)
+    assert (left.depth[20:40, 30:50] == (near_m if stays else wall_m)).all()
+    assert (left.source[20:40, 30:50] == (DepthSource.FILLED if stays else DepthSource.ENVELOPE)).all()
+    elsewhere = source != DepthSource.FILLED
+    np.testing.assert_array_equal(left.depth[elsewhere], depth[elsewhere])
+    np.testing.assert_array_equal(left.source[elsewhere], source[elsewhere])
 
 
 @settings(max_examples=60, deadline=None)

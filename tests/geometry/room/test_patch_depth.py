@@ -10,7 +10,7 @@ from r2sego_blender.core.images import save_image
 from r2sego_blender.geometry.room import patch_depth as module
 from r2sego_blender.geometry.room.completed_depth import DepthSource
 from r2sego_blender.geometry.room.completion import complete_depth
-from r2sego_blender.geometry.room.patch_depth import ColourView, nearer_depth
+from r2sego_blender.geometry.room.patch_depth import ColourView, more_alike, nearer_depth
 from r2sego_blender.geometry.room.planes import RoomPlanes
 from r2sego_blender.geometry.stereo.stereo import DepthMap
 
@@ -69,6 +69,28 @@ def test_a_bar_that_was_given_to_the_wall_comes_before_it(seen, others):
 def test_what_the_photographs_agree_with_stays(seen, others):
     view, truth, _ = seen
     assert not nearer_depth(view, others, truth.astype(np.float32)).any()
+
+
+@pytest.mark.parametrize("wrong", [0.8, 1.3])
+def test_colours_are_more_alike_at_the_true_depth(seen, others, wrong):
+    view, truth, bar = seen
+    others = [ColourView(other.camera, other.image, np.zeros_like(other.known)) for other in others]  # colours alone
+    everywhere = np.ones(truth.shape, bool)
+    assert more_alike(view, others, everywhere, truth, truth * wrong)[~bar].mean() > 0.95
+    assert more_alike(view, others, everywhere, truth * wrong, truth)[~bar].mean() < 0.01
+    left = everywhere & (np.arange(WIDTH_PX) < WIDTH_PX // 2)
+    asked_left = more_alike(view, others, left, truth, truth * wrong)
+    assert not asked_left[~left].any()
+    assert asked_left[left & ~bar].mean() > 0.95
+
+
+def test_colours_that_nobody_else_sees_are_nowhere_more_alike(seen, others):
+    view, truth, _ = seen
+    everywhere = np.ones(truth.shape, bool)
+    assert not more_alike(view, [], everywhere, truth, 2.0 * truth).any()
+    far_aside = [view_of(camera_at(30.0, 0.0))[0]]
+    assert not more_alike(view, far_aside, everywhere, truth, 2.0 * truth).any()
+    assert not more_alike(view, others, ~everywhere, truth, 2.0 * truth).any()
 
 
 def test_captures_of_other_sizes_say_the_same(seen):
