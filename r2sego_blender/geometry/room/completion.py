@@ -238,7 +238,7 @@ def _unopposed(index: int, completed: Sequence[CompletedDepth], bound: np.ndarra
     opposed[opposed] = votes.through > votes.agree
     return replace(
         one,
-        depth=np.where(opposed, bound, one.depth).astype(np.float32),
+        depth=np.where(opposed, bound, one.depth),
         source=np.where(opposed, np.uint8(DepthSource.ENVELOPE), one.source),
     )
 

@@ -64,6 +64,11 @@ class ColourView:
         """(H, W, 3) float32 CIELAB, blurred as much as sampling between pixels does."""
         return cv2.cvtColor(cv2.GaussianBlur(self.image, (0, 0), _BLUR_PX), cv2.COLOR_RGB2LAB)
 
+    @cached_property
+    def patches(self) -> np.ndarray:
+        """(H, W) int32 patches of one colour, numbered from 0."""
+        return superpixels(self.colours, _PATCH_PX, _COMPACTNESS)
+
 
 def nearer_depth(view: ColourView, others: Sequence[ColourView], depth: np.ndarray) -> np.ndarray:
     """(H, W) float32 planar metres where the photographs want something nearer, 0 elsewhere.
@@ -71,7 +76,7 @@ def nearer_depth(view: ColourView, others: Sequence[ColourView], depth: np.ndarr
     ``depth`` (H, W) is the view's present one, positive wherever something is to be moved.
     """
     asked = (view.known <= 0) & (depth > 0)
-    patches = superpixels(view.colours, _PATCH_PX, _COMPACTNESS)
+    patches = view.patches
     count = int(patches.max()) + 1
     area = np.bincount(patches[asked], minlength=count)
     movable = area > _ASKED_SHARE * np.bincount(patches.ravel(), minlength=count)
@@ -111,7 +116,7 @@ def more_alike(
     of the pixels ``asked`` for; all (H, W), depths in planar metres. False where none sees both."""
     if not asked.any() or not others:
         return np.zeros(asked.shape, bool)
-    patches = superpixels(view.colours, _PATCH_PX, _COMPACTNESS)
+    patches = view.patches
     area = np.bincount(patches[asked], minlength=int(patches.max()) + 1)
     evidence = _Evidence(view.camera, view.colours[asked], view.camera.rays()[asked], patches[asked], area, others)
     (cost,), (seen,) = evidence.against(depth[asked], np.ones(1), np.full(len(area), np.inf))

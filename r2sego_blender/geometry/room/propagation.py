@@ -13,7 +13,6 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ...core.cameras import Camera
 from ..stereo.evidence import FREE_MARGIN, KnownDepth, collect_votes
 from .patch_depth import ColourView
 from .planes import RoomPlanes
@@ -48,6 +47,7 @@ def propagated_depth(
         return np.zeros(view.camera.shape, np.float32)
     at = _centres(patches)
     weights, sure = _weights(view, patches, at, rows, columns)
+    centre, rays = view.camera.centre, view.camera.rays()[at] @ view.camera.world_from_camera[:3, :3].T
     depths = planes.depths(view.camera)
     far = last[at]
     score = np.zeros((len(far), len(depths)))
@@ -66,22 +66,14 @@ def propagated_depth(
             here = here * np.exp(-0.5 * (away / reach_m) ** 2)
         else:
             continue
-        here = here * _SEEN_THROUGH ** _seeing_through(view.camera, at, depth[at], others)
+        here = here * _SEEN_THROUGH ** collect_votes(centre + rays * depth[at][:, None], others, FREE_MARGIN).through
         score[:, index] = np.where((depth[at] > _NEAREST_M) & (depth[at] <= far), here, 0.0)
     best = score.argmax(axis=1)
     found = np.take_along_axis(depths, best[patches][None], axis=0)[0]
     unexplained = (score.max(axis=1) < _EXPLAINED)[patches] | (found <= _NEAREST_M) | (found > last)
     around = np.exp(weights @ np.log(known))
-    around[_seeing_through(view.camera, at, around, others) > 0] = np.inf
+    around[collect_votes(centre + rays * around[:, None], others, FREE_MARGIN).through > 0] = np.inf
     return np.where(unexplained, np.minimum(around[patches], last), found).astype(np.float32)
-
-
-def _seeing_through(
-    camera: Camera, at: tuple[np.ndarray, np.ndarray], depth: np.ndarray, others: Sequence[KnownDepth]
-) -> np.ndarray:
-    """(P,) how many of the ``others`` see through what has ``depth`` (P,) at the pixels ``at``."""
-    rays = camera.rays()[at] @ camera.world_from_camera[:3, :3].T
-    return collect_votes(camera.centre + rays * depth[:, None], others, FREE_MARGIN).through
 
 
 def _known(view: ColourView, points: PointEvidence, patches: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
