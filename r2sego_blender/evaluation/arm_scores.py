@@ -52,6 +52,7 @@ def score_arms(scene: Scene, arms: Sequence[str], views: Sequence[Capture], prog
     renderings: dict[str, dict[str, np.ndarray]] = {}
     depths: dict[str, list[np.ndarray]] = {}
     captures = scene.read(CAPTURES)
+    differ = any(capture.gain is not None for capture in captures)
     for arm in arms:
         if arm in not_scored:
             continue
@@ -65,6 +66,7 @@ def score_arms(scene: Scene, arms: Sequence[str], views: Sequence[Capture], prog
             keep=pictures.__setitem__,
             progress=progress,
             title=f"Scoring {source.label}",
+            corrected=differ,
         )
         scores[arm] = replace(scored, backend=made.told if made else "")
     return ScoredArms(scores, renderings, depths, not_scored)
@@ -81,14 +83,17 @@ def asset_digests(scene: Scene, arms: Iterable[str], rounds: bool = False) -> di
 def arm_lines(arms: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """The arms of ``metrics.json`` as a table for a terminal."""
     regions = any("psnr_seen" in scored for scored in arms.values())
+    corrected = any("psnr_corrected" in scored for scored in arms.values())
     head = f"{'':<{LABEL_WIDTH}}{'PSNR dB':>9}{'SSIM':>8}{'LPIPS':>8}"
-    lines = [head + (f"{'seen dB':>9}{'unseen dB':>11}" if regions else "")]
+    lines = [head + (f"{'cc dB':>8}" if corrected else "") + (f"{'seen dB':>9}{'unseen dB':>11}" if regions else "")]
     for arm, source in ARMS.items():
         if arm not in arms:
             continue
         scored = arms[arm]
         lpips = "n/a" if scored["lpips_alex"] is None else f"{scored['lpips_alex']:.3f}"
         line = f"{source.label:<{LABEL_WIDTH}}{_psnr(scored['psnr']):>9}{scored['ssim']:>8.3f}{lpips:>8}"
+        if corrected:
+            line += f"{_psnr(scored['psnr_corrected']) if 'psnr_corrected' in scored else '-':>8}"
         seen, unseen = (_psnr(scored[kind]) if kind in scored else "-" for kind in ("psnr_seen", "psnr_unseen"))
         lines.append(line + (f"{seen:>9}{unseen:>11}" if regions else ""))
     return lines

@@ -1,6 +1,7 @@
 """Scores of an asset on frozen views, as the original 3DGS code computes them.
 
-Every pixel of every view counts: no mask, no crop, no correction by what the view shows.
+Every pixel of every view counts: no mask, no crop, no correction by what the view shows. What such a correction of
+colours would change is told beside them, where photographs differ in exposure.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from ..core.cameras import Camera
 from ..core.errors import CaptureError
 from ..core.images import to_uint8
 from ..core.progress import SILENT, Progress
+from ..splats.colour_correction import colour_corrected
 from ..splats.metrics import psnr, ssim
 from .lpips.weights import find_lpips
 
@@ -25,12 +27,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ViewScore:
-    """One frozen view: PSNR in dB, SSIM and, where its weights are at hand, LPIPS-Alex."""
+    """One frozen view: PSNR in dB, SSIM and, where its weights are at hand, LPIPS-Alex; and where it was asked for,
+    PSNR after the picture got the view's colours (``colour_correction``)."""
 
     name: str
     psnr: float
     ssim: float
     lpips_alex: float | None
+    psnr_corrected: float | None = None
 
 
 @dataclass(frozen=True)
@@ -38,7 +42,8 @@ class ArmScore:
     """The means over all frozen views of one arm, and each view's own scores.
 
     ``lpips_alex`` is None where LPIPS could not be computed; ``lpips_reason`` then says why. ``backend`` names what
-    made the pictures, with its weights, where that runs in an environment of its own.
+    made the pictures, with its weights, where that runs in an environment of its own. ``psnr_corrected`` is None where
+    it was not asked for.
     """
 
     psnr: float
@@ -47,6 +52,7 @@ class ArmScore:
     views: tuple[ViewScore, ...]
     lpips_reason: str = ""
     backend: str = ""
+    psnr_corrected: float | None = None
 
 
 def score(
@@ -56,6 +62,7 @@ def score(
     keep: Callable[[str, np.ndarray], None] | None = None,
     progress: Progress = SILENT,
     title: str = "Frozen views",
+    corrected: bool = False,
 ) -> ArmScore:
     """Render every frozen view and compare it with the photograph.
 
@@ -63,15 +70,16 @@ def score(
     clipped and rounded to 8 bits first, since the original ``metrics.py`` reads the PNGs
     that ``render.py`` wrote; so the figures can be had again from the report's pictures.
     ``lpips`` None looks for the weights (``find_lpips``). ``keep`` is given each view's
-    name and its rounded rendering, float32. Raises CaptureError without any view, or when
-    a rendering has another size than its view.
+    name and its rounded rendering, float32. ``corrected`` asks for PSNR after colour
+    correction, too. Raises CaptureError without any view, or when a rendering has another
+    size than its view.
     """
     if not views:
         raise CaptureError("there are no frozen views", cure="Name a cameras.json with a 'frozen' list.")
     reason = ""
     if lpips is None:
         lpips, reason = find_lpips()
-    scores, distances = [], []
+    scores, distances, after_correction = [], [], []
     for view in progress.track(views, title):
         truth = view.image()
         rendering = to_uint8(asset_renderer(view.camera)).astype(np.float32) / 255.0
@@ -83,7 +91,9 @@ def score(
             )
         distance = None if lpips is None else lpips.distance(rendering, truth)
         distances += [distance] if distance is not None else []
-        scores.append(ViewScore(view.name, psnr(rendering, truth), ssim(rendering, truth), distance))
+        after = psnr(colour_corrected(rendering, truth), truth) if corrected else None
+        after_correction += [after] if after is not None else []
+        scores.append(ViewScore(view.name, psnr(rendering, truth), ssim(rendering, truth), distance, after))
         if keep is not None:
             keep(view.name, rendering)
     return ArmScore(
@@ -92,4 +102,5 @@ def score(
         lpips_alex=None if lpips is None else float(np.mean(distances)),
         views=tuple(scores),
         lpips_reason=reason,
+        psnr_corrected=float(np.mean(after_correction)) if corrected else None,
     )

@@ -22,6 +22,7 @@
 What captures saw and what not, and errors of geometry, are there where they could be told (``surface_scores``).
 ``generator`` is empty where its own frames were not scored, ``generated_views`` (``view_influence``) where
 what they did cannot be told.
+``psnr_corrected``, of an arm and of each view, is there where the captures differ in exposure (``colour_correction``).
 An arm of an environment of its own has its ``backend``; ``not_scored`` are those that could not be run, and why.
 A score that is no finite number (the PSNR of two equal images) is ``null``, and so is what
 cannot be told of a cause. ``causes`` may have a ``note``; where there are none at all, it is
@@ -60,6 +61,8 @@ def _arm(arm: ArmScore, figures: ArmFigures | None) -> dict[str, Any]:
         entry = {"name": view.name, "psnr": rounded(view.psnr), "ssim": rounded(view.ssim)}
         if view.lpips_alex is not None:
             entry["lpips_alex"] = rounded(view.lpips_alex)
+        if view.psnr_corrected is not None:
+            entry["psnr_corrected"] = rounded(view.psnr_corrected)
         views.append({**entry, **(figures.views[view.name] if figures else {})})
     return {
         "psnr": rounded(arm.psnr),
@@ -67,6 +70,7 @@ def _arm(arm: ArmScore, figures: ArmFigures | None) -> dict[str, Any]:
         "lpips_alex": rounded(arm.lpips_alex),
         "lpips_reason": arm.lpips_reason,
         **({"backend": arm.backend} if arm.backend else {}),
+        **({"psnr_corrected": rounded(arm.psnr_corrected)} if arm.psnr_corrected is not None else {}),
         **(figures.whole if figures else {}),
         "views": views,
     }

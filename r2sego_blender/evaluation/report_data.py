@@ -20,7 +20,7 @@ class Arm:
 
     ``key`` is its name in metrics.json, ``label`` what a person reads, ``note`` how it was
     made. A score that could not be computed is None; ``psnr_seen`` and ``psnr_unseen`` are of the
-    pixels that captures saw and of the others.
+    pixels that captures saw and of the others, ``psnr_corrected`` where captures differ in exposure.
     """
 
     key: str
@@ -31,6 +31,7 @@ class Arm:
     note: str = ""
     psnr_seen: float | None = None
     psnr_unseen: float | None = None
+    psnr_corrected: float | None = None
 
 
 @dataclass(frozen=True)

@@ -131,9 +131,10 @@ def write_scene_report(
 
 def _arm(key: str, score: ArmScore, figures: Mapping[str, ArmFigures]) -> Arm:
     whole = figures[key].whole if key in figures else {}
-    regions = (region_psnr(whole, kind) for kind in ("psnr_seen", "psnr_unseen"))
     note = "; ".join(filter(None, [ARMS[key].note, score.backend]))
-    return Arm(key, ARMS[key].label, score.psnr, score.ssim, score.lpips_alex, note, *regions)
+    regions = {kind: region_psnr(whole, kind) for kind in ("psnr_seen", "psnr_unseen")}
+    scores = (score.psnr, score.ssim, score.lpips_alex)
+    return Arm(key, ARMS[key].label, *scores, note, **regions, psnr_corrected=score.psnr_corrected)
 
 
 def _backend(slot: str, name: str) -> Backend:

@@ -24,8 +24,8 @@ RECORD = "record.json"
 """The file in a cell's folder."""
 
 PICTURE_KINDS = ("psnr", "ssim", "lpips_alex")
-MEASURED_KINDS = (*REGION_KINDS, *DEPTH_KINDS, *SURFACE_KINDS)
-"""Of an arm and of each view: scores of whole pictures, and what surfaces tell, where it was measured."""
+MEASURED_KINDS = ("psnr_corrected", *REGION_KINDS, *DEPTH_KINDS, *SURFACE_KINDS)
+"""Of an arm and of each view: scores of whole pictures, and what was measured where it could be."""
 
 _LARGEST = 1e15  # seconds, MB, dB: sums of them stay finite
 

@@ -238,6 +238,8 @@ _ABOUT_GEOMETRY = (
     "Depth: median relative error of the asset's or the proxy's depth against the true room, and share of pixels "
     f"within {RIGHT_DEPTH:.0%}; F: F-score at {100 * SURFACE_TOLERANCE_M:.0f} cm."
 )
+_CORRECTED = "psnr_corrected"
+_ABOUT_CORRECTED = "cc: PSNR after colour correction to each view; what differs is exposure and white balance."
 _REGIONS: Mapping[str, str] = {"psnr_seen": "seen, dB", "psnr_unseen": "unseen, dB"}
 _GEOMETRY: Mapping[str, str] = {
     "depth_error": "depth error",
@@ -256,6 +258,8 @@ Column = Callable[[Row], str]
 def about(rows: Sequence[Row]) -> list[str]:
     """What is to be known of the tables of any experiment."""
     told = list(_ABOUT)
+    if any(_CORRECTED in row.spreads for row in rows):
+        told.append(_ABOUT_CORRECTED)
     if any(kind in row.spreads for row in rows for kind in _REGIONS):
         told.append(_ABOUT_REGIONS)
     if any(kind in row.spreads for row in rows for kind in _GEOMETRY):
@@ -266,6 +270,8 @@ def about(rows: Sequence[Row]) -> list[str]:
 def _columns(rows: Sequence[Row]) -> dict[str, Column]:
     """Of the main table, by their heads; regions where some were told, and another preset where there is one."""
     columns = {"PSNR, dB": _of_kind("psnr", 2), "SSIM": _of_kind("ssim", 3), "LPIPS": _of_kind("lpips_alex", 3)}
+    if any(_CORRECTED in row.spreads for row in rows):
+        columns["cc PSNR, dB"] = _of_kind(_CORRECTED, 2)
     if any(kind in row.spreads for row in rows for kind in _REGIONS):
         columns |= {head: _of_kind(kind, 2) for kind, head in _REGIONS.items()}
     columns["SEM over views, dB"] = lambda row: "-" if row.sem_db is None else f"{row.sem_db:.2f} ({row.views})"

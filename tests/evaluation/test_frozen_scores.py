@@ -12,6 +12,7 @@ from r2sego_blender.captures.capture import Capture
 from r2sego_blender.core.cameras import Camera
 from r2sego_blender.core.errors import CaptureError
 from r2sego_blender.core.images import save_image
+from r2sego_blender.evaluation.arm_scores import arm_lines
 from r2sego_blender.evaluation.frozen import ArmScore, ViewScore, score
 from r2sego_blender.evaluation.lpips.weights import WEIGHTS_VARIABLE
 from r2sego_blender.evaluation.metrics_file import write_metrics
@@ -159,6 +160,23 @@ def test_what_surfaces_tell_stands_in_the_arms_and_their_views(tmp_path):
     assert (refined["psnr_seen"], refined["seen_by"], refined["psnr"]) == (21.0, "a mesh", 20.5)
     assert [view["unseen"] for view in refined["views"]] == [0, 1]
     assert "psnr_seen" not in written["arms"]["initial"]
+
+
+def test_colours_are_corrected_where_it_is_asked_for_and_beside_the_score(views, tmp_path):
+    by_place = {float(view.camera.centre[2]): 0.5 * view.image() + 0.1 for view in views}
+    plain, both = (
+        score(lambda camera: by_place[float(camera.centre[2])], views, corrected=asked) for asked in (False, True)
+    )
+    assert plain.psnr_corrected is None and both.psnr == plain.psnr < 20.0
+    assert both.psnr_corrected > 40.0
+    assert both.psnr_corrected == pytest.approx(np.mean([view.psnr_corrected for view in both.views]))
+    written = write_metrics(tmp_path / "a.json", {"refined": both, "initial": plain})["arms"]
+    assert written["refined"]["psnr_corrected"] == pytest.approx(both.psnr_corrected, abs=1e-3)
+    assert all("psnr_corrected" in view for view in written["refined"]["views"])
+    assert "psnr_corrected" not in written["initial"]
+    head, initial, refined = arm_lines(written)
+    assert "cc dB" in head and f"{both.psnr_corrected:.2f}" in refined and "-" in initial
+    assert "cc dB" not in arm_lines({"initial": written["initial"]})[0]
 
 
 def test_equal_images_are_no_invalid_json(tmp_path):

@@ -276,6 +276,14 @@ def test_scores_that_are_missing_or_infinite_are_said_so(tmp_path):
     assert "∞" in text
 
 
+def test_corrected_colours_have_a_column_where_exposures_differ(tmp_path):
+    arms = (Arm("vanilla_3dgs", "Vanilla", 14.1, 0.5, psnr_corrected=16.74), Arm("refined", "Refined", 15.0, 0.6))
+    text = Page(write_report(tmp_path, ReportData("Room", arms=arms)).read_text(encoding="utf-8")).text
+    assert "cc PSNR" in text and "16.74" in text
+    without = (replace(arms[0], psnr_corrected=None), arms[1])
+    assert "cc PSNR" not in write_report(tmp_path, ReportData("Room", arms=without)).read_text(encoding="utf-8")
+
+
 def test_a_lost_picture_and_an_old_figure_do_no_harm(tmp_path, report):
     write_report(tmp_path, report)
     lost = replace(

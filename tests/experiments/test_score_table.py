@@ -137,6 +137,14 @@ def test_regions_and_geometry_have_columns_and_a_table_where_some_were_measured(
     assert "Seen, unseen" in table and "F-score" in table and "Seen, unseen" in tex
 
 
+def test_corrected_colours_have_a_column_where_they_were_told():
+    plain = [measured(VANILLA, seed, 20.0) for seed in (0, 1)]
+    told = [replace(one, scores={**one.scores, "psnr_corrected": 21.5}) for one in plain]
+    (main,) = tables_of(rows_of(told))
+    assert main.head[6] == "cc PSNR, dB" and main.cells[0][6] == "21.50 ± 0.00"
+    assert "cc:" in markdown(rows_of(told), ()) and "cc:" not in markdown(rows_of(plain), ())
+
+
 def test_a_seed_that_lacks_a_figure_leaves_it_out_of_the_row():
     whole = measured(REFINED, 0, 24.0)
     rows = rows_of([replace(whole, scores={**whole.scores, "psnr_unseen": 15.0}), measured(REFINED, 1, 25.0)])
