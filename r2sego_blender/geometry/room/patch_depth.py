@@ -65,6 +65,11 @@ class ColourView:
         return cv2.cvtColor(cv2.GaussianBlur(self.image, (0, 0), _BLUR_PX), cv2.COLOR_RGB2LAB)
 
     @cached_property
+    def grey(self) -> np.ndarray:
+        """(H, W) float32 in [0, 1]."""
+        return cv2.cvtColor(self.image, cv2.COLOR_RGB2GRAY)
+
+    @cached_property
     def patches(self) -> np.ndarray:
         """(H, W) int32 patches of one colour, numbered from 0."""
         return superpixels(self.colours, _PATCH_PX, _COMPACTNESS)

@@ -22,6 +22,7 @@ from .superpixels import superpixels
 _PATCH_SHARE = 1 / 45  # of the picture's width
 _COMPACTNESS = 12.0  # CIELAB
 _KNOWN_SHARE = 0.3  # of a superpixel, for it to count as known
+_SEEN_BY_OTHERS = 0.4  # how much their completed depth counts beside trusted depth: nine tenths of it are right
 _REACH_SHARE = 1 / 67  # of the width, from which on what is known weighs less, with the distance's square
 _LIKE_COLOURS = 12.0  # CIELAB: how much colours differ where that falls to exp(-1/2)
 _ANY_COLOUR = 0.1  # how much of any other colour counts
@@ -36,17 +37,22 @@ _NEAREST_M = 0.3
 
 
 def propagated_depth(
-    view: ColourView, points: PointEvidence, planes: RoomPlanes, last: np.ndarray, others: Sequence[KnownDepth]
+    view: ColourView,
+    points: PointEvidence,
+    seen: np.ndarray,
+    planes: RoomPlanes,
+    last: np.ndarray,
+    others: Sequence[KnownDepth],
 ) -> np.ndarray:
-    """(H, W) float32 planar metres at which what is known of ``view``, trusted depth and ``points``, goes on; 0 where
-    nothing is known or there is no plane. ``last`` (H, W): nothing lies beyond; ``others`` are the trusted depth of
-    the other captures."""
+    """(H, W) float32 planar metres at which what is known of ``view`` goes on: its trusted depth, ``points``, and
+    ``seen`` (H, W), planar metres of what other captures were completed by, 0 elsewhere. 0 where nothing is known or
+    there is no plane. ``last`` (H, W): nothing lies beyond; ``others`` are the trusted depth of the other captures."""
     patches = superpixels(view.colours, max(round(_PATCH_SHARE * view.camera.width), 2), _COMPACTNESS)
-    rows, columns, known = _known(view, points, patches)
+    rows, columns, known, trust = _known(view, points, seen, patches)
     if not len(known) or not len(planes.normals):
         return np.zeros(view.camera.shape, np.float32)
     at = _centres(patches)
-    weights, sure = _weights(view, patches, at, rows, columns)
+    weights, sure = _weights(view, patches, at, rows, columns, trust)
     centre, rays = view.camera.centre, view.camera.rays()[at] @ view.camera.world_from_camera[:3, :3].T
     depths = planes.depths(view.camera)
     far = last[at]
@@ -76,36 +82,49 @@ def propagated_depth(
     return np.where(unexplained, np.minimum(around[patches], last), found).astype(np.float32)
 
 
-def _known(view: ColourView, points: PointEvidence, patches: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows, columns and depth (n,) of what is known: each point, and of each known superpixel the median."""
-    seen = view.known > 0.0
-    rows, columns = np.nonzero(seen)
-    depth, patch = view.known[seen], patches[seen]
-    order = np.lexsort((depth, patch))
-    chosen, first, count = np.unique(patch[order], return_index=True, return_counts=True)
-    enough = count > _KNOWN_SHARE * np.bincount(patches.ravel())[chosen]
-    median = order[(first + count // 2)[enough]]
+def _known(
+    view: ColourView, points: PointEvidence, seen: np.ndarray, patches: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Rows, columns and depth (n,) of what is known, and how much it counts: each point, and of each superpixel that
+    is known, or ``seen`` by others, the median."""
+    rows, columns = _medians(view.known, patches)
+    rows_seen, columns_seen = _medians(np.where(view.known > 0.0, 0.0, seen), patches)
     return (
-        np.concatenate([points.rows, rows[median]]),
-        np.concatenate([points.columns, columns[median]]),
-        np.concatenate([points.depth, depth[median]]),
+        np.concatenate([points.rows, rows, rows_seen]),
+        np.concatenate([points.columns, columns, columns_seen]),
+        np.concatenate([points.depth, view.known[rows, columns], seen[rows_seen, columns_seen]]),
+        np.repeat([1.0, _SEEN_BY_OTHERS], [len(points.rows) + len(rows), len(rows_seen)]),
     )
 
 
+def _medians(depth: np.ndarray, patches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Row and column of the median ``depth`` (H, W) of each superpixel of which enough has any."""
+    rows, columns = np.nonzero(depth > 0.0)
+    order = np.lexsort((depth[rows, columns], patches[rows, columns]))
+    rows, columns = rows[order], columns[order]
+    chosen, first, count = np.unique(patches[rows, columns], return_index=True, return_counts=True)
+    median = (first + count // 2)[count > _KNOWN_SHARE * np.bincount(patches.ravel())[chosen]]
+    return rows[median], columns[median]
+
+
 def _weights(
-    view: ColourView, patches: np.ndarray, at: tuple[np.ndarray, np.ndarray], rows: np.ndarray, columns: np.ndarray
+    view: ColourView,
+    patches: np.ndarray,
+    at: tuple[np.ndarray, np.ndarray],
+    rows: np.ndarray,
+    columns: np.ndarray,
+    trust: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(P, n) how much each known pixel says of each superpixel, whose middle is ``at``, in all 1; and (P,) how sure
-    that is, in [0, 1]."""
+    """(P, n) how much each known pixel, which counts by ``trust`` (n,), says of each superpixel, whose middle is
+    ``at``, in all 1; and (P,) how sure that is, in [0, 1]."""
     count = np.bincount(patches.ravel())
     colours = np.stack([np.bincount(patches.ravel(), view.colours[..., c].ravel()) / count for c in range(3)], axis=1)
     of_known = colours[patches[rows, columns]]
     apart = ((colours[:, None] - of_known[None]) ** 2).sum(axis=2)
     row, column = at
     squared = (row[:, None] - rows[None]) ** 2 + (column[:, None] - columns[None]) ** 2
-    weights = (np.exp(-0.5 * apart / _LIKE_COLOURS**2) + _ANY_COLOUR) / (
-        squared / (_REACH_SHARE * view.camera.width) ** 2 + 1.0
-    )
+    near = 1.0 / (squared / (_REACH_SHARE * view.camera.width) ** 2 + 1.0)
+    weights = (np.exp(-0.5 * apart / _LIKE_COLOURS**2) + _ANY_COLOUR) * near * trust
     total = weights.sum(axis=1)
     return weights / total[:, None], total / (total + _LITTLE_KNOWN)
 

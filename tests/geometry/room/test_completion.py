@@ -12,7 +12,8 @@ from r2sego_blender.config.settings import Settings
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import GeometryError
 from r2sego_blender.geometry.room.completed_depth import CompletedDepth, DepthSource
-from r2sego_blender.geometry.room.completion import _homography, _unopposed, complete_depth, trusted_depth
+from r2sego_blender.geometry.room.completion import _unopposed, complete_depth, trusted_depth
+from r2sego_blender.geometry.room.plane_evidence import homography
 from r2sego_blender.geometry.room.planes import RoomPlanes, find_planes
 
 SETTINGS = Settings()
@@ -136,10 +137,10 @@ def test_the_homography_carries_pixels_through_the_plane(seed):
     normal = np.array([0.2, -1.0, 0.1]) + rng.normal(size=3) * 0.2
     normal /= np.linalg.norm(normal)
     plane = RoomPlanes(normal[None], np.array([0.1]), np.ones(1, int), np.ones(1, bool))
-    homography = _homography(a, b, plane.inverse_depth_rows(a)[0])
+    matrix = homography(a, b, plane.inverse_depth_rows(a)[0])
     depth = plane.depths(a)[0].astype(np.float64)
     row, column = np.nonzero((depth > 0.5) & (depth < 20))
-    through = np.stack([column, row, np.ones(len(row))], 1) @ homography.T
+    through = np.stack([column, row, np.ones(len(row))], 1) @ matrix.T
     pixels, _ = b.project(a.unproject(depth)[row, column])
     np.testing.assert_allclose(through[:, :2] / through[:, 2:] + 0.5, pixels, atol=1e-2)
 

@@ -70,3 +70,14 @@ def test_a_plane_that_another_capture_sees_through_is_not_taken(blind):
 def test_a_witness_against_a_depth_outweighs_two_for_it(agree, through, trusted):
     maps = [depth_map(AHEAD, depth) for depth in (2.0, *agree * (2.0,), *through * (4.0,))]
     assert (trusted_depth(maps, SETTINGS.stereo)[0].depth == (2.0 if trusted else 0.0)).all()
+
+
+def test_what_another_capture_measured_is_taken_before_the_envelope(tmp_path):
+    """Bare photographs, and no plane of the room where the other capture sees something."""
+    save_image(tmp_path / "bare.png", np.full((60, 80, 3), 0.5, np.float32))
+    beside = LENS.at(look_at((0.4, 0.0, 1.0), (0.4, 3.0, 1.0)))
+    captures = [Capture("a", tmp_path / "bare.png", AHEAD), Capture("beside", tmp_path / "bare.png", beside)]
+    planes = upright(WALL_M, bounding=[True])
+    for seen_m, taken_m, source in ((0.0, WALL_M, DepthSource.ENVELOPE), (2.0, 2.0, DepthSource.FILLED)):
+        maps = [depth_map(AHEAD, 0.0), depth_map(beside, seen_m)]
+        assert chosen_m(captures, maps, planes) == (pytest.approx(taken_m, abs=1e-3), source)

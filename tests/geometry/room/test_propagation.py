@@ -39,25 +39,26 @@ def points_at(rows, columns, depth_m):
     return PointEvidence.of(CAMERA, world[rows.ravel(), columns.ravel()])
 
 
+UNSEEN = np.zeros(CAMERA.shape, np.float32)
 HANDLES = points_at(range(16, 110, 16), range(30, 90, 12), DOOR_M)
 
 
 def test_a_door_goes_on_as_far_as_its_colour():
     wall = np.zeros(CAMERA.shape, np.float32)
     wall[30:60, 140:170] = WALL_M
-    depth = propagated_depth(view_of(wall), HANDLES, planes_of(1000), LAST, [])
+    depth = propagated_depth(view_of(wall), HANDLES, UNSEEN, planes_of(1000), LAST, [])
     assert (np.abs(depth[DOOR] / DOOR_M - 1.0) < 0.02).mean() > 0.95
     assert (np.abs(depth[:, 100:] / WALL_M - 1.0) < 0.02).mean() > 0.95
 
 
 def test_where_little_is_known_the_envelope_is_likelier():
     far_away = points_at([60], [2], DOOR_M)
-    depth = propagated_depth(view_of(), far_away, planes_of(1000), LAST, [])
+    depth = propagated_depth(view_of(), far_away, UNSEEN, planes_of(1000), LAST, [])
     assert (np.abs(depth[:, 100:] / WALL_M - 1.0) < 0.02).all()
 
 
 def test_a_bound_that_colours_told_stays():
-    depth = propagated_depth(view_of(), HANDLES, planes_of(0), LAST, [])
+    depth = propagated_depth(view_of(), HANDLES, UNSEEN, planes_of(0), LAST, [])
     assert (np.abs(depth[:, 100:] / WALL_M - 1.0) < 0.02).all()
 
 
@@ -67,7 +68,7 @@ BESIDE = CAMERA.at(look_at(np.array([-1.6, 0.0, 1.0]), np.array([-1.6, 4.0, 1.0]
 def test_a_door_ends_where_another_capture_sees_through_it():
     """It sees the wall through the left part of what has the door's colour."""
     wall = KnownDepth(BESIDE, np.full(CAMERA.shape, WALL_M, np.float32))
-    depth = propagated_depth(view_of(), HANDLES, planes_of(1000), LAST, [wall])
+    depth = propagated_depth(view_of(), HANDLES, UNSEEN, planes_of(1000), LAST, [wall])
     on_door = CAMERA.unproject(np.full(CAMERA.shape, DOOR_M))
     through = BESIDE.sees(*BESIDE.project(on_door))
     assert 0.2 < through[DOOR].mean() < 0.8
@@ -86,13 +87,13 @@ def test_what_no_plane_explains_goes_on_unless_another_capture_sees_through_it()
         ([], DOOR_M),
         ([KnownDepth(BESIDE, np.full(CAMERA.shape, WALL_M, np.float32))], LAST[0, 0]),
     ):
-        depth = propagated_depth(view_of(), HANDLES, explained_by_none, LAST, others)
+        depth = propagated_depth(view_of(), HANDLES, UNSEEN, explained_by_none, LAST, others)
         np.testing.assert_allclose(depth[beside_a_handle], depth_m, rtol=0.02)
 
 
 def test_nothing_goes_on_beyond_what_ends_the_room():
     last = np.full(CAMERA.shape, 1.5, np.float32)
-    depth = propagated_depth(view_of(), HANDLES, planes_of(1000), last, [])
+    depth = propagated_depth(view_of(), HANDLES, UNSEEN, planes_of(1000), last, [])
     assert depth.max() <= 1.5
 
 
@@ -101,4 +102,17 @@ def test_without_planes_or_anything_known_nothing_is_said(without):
     none = RoomPlanes(np.zeros((0, 3)), np.zeros(0), np.zeros(0, np.int64), np.zeros(0, bool))
     nothing = PointEvidence.of(CAMERA, np.zeros((0, 3)))
     planes, points = (none, HANDLES) if without == "planes" else (planes_of(9), nothing)
-    assert not propagated_depth(view_of(), points, planes, LAST, []).any()
+    assert not propagated_depth(view_of(), points, UNSEEN, planes, LAST, []).any()
+
+
+def test_what_other_captures_were_completed_by_goes_on_less_surely_than_what_is_trusted():
+    """A band of the door is all that is known of it; the wall beside it is known, too."""
+    band = np.where(np.arange(CAMERA.width) < 60, np.float32(DOOR_M), np.float32(0.0))
+    band = np.where(np.abs(np.arange(CAMERA.height) - 60)[:, None] < 12, band, np.float32(0.0))
+    wall = np.where(np.arange(CAMERA.width)[None] > 140, np.full(CAMERA.shape, WALL_M, np.float32), np.float32(0.0))
+    nothing = PointEvidence.of(CAMERA, np.zeros((0, 3)))
+    on_door = {}
+    for name, known, seen in (("trusted", wall + band, UNSEEN), ("seen", wall, band), ("unknown", wall, UNSEEN)):
+        depth = propagated_depth(view_of(known), nothing, seen, planes_of(1000), LAST, [])
+        on_door[name] = (np.abs(depth[DOOR] / DOOR_M - 1.0) < 0.02).mean()
+    assert on_door["unknown"] == 0.0 < 0.2 < on_door["seen"] <= on_door["trusted"]
