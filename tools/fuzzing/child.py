@@ -117,7 +117,7 @@ class Reader:
         before, grandchildren = _reset_peak_mb(), _children_peak_mb()
         began = time.perf_counter()
         kind, text = "clean", ""
-        with guarding.watched() as escapes:
+        with guarding.watched(place) as escapes:
             try:
                 text = fault_of(harness.read(place))
                 kind = "badaccept" if text else "clean"

@@ -7,24 +7,26 @@ import os
 import sys
 import tempfile
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 _WRITES = {"os.remove", "os.rename", "os.rmdir", "os.mkdir", "os.link", "os.symlink", "os.truncate", "shutil.rmtree"}
 _NETWORK = {"socket.connect", "socket.getaddrinfo", "socket.sendto", "urllib.Request"}
 _CODE = {"os.system", "os.exec", "os.posix_spawn"}
 _seen: list[str] | None = None
+_own = ""
 _installed = False
 
 
 @contextlib.contextmanager
-def watched() -> Iterator[list[str]]:
-    """What reaches out while the ``with`` lasts, in words."""
-    global _seen, _installed
+def watched(own: Path) -> Iterator[list[str]]:
+    """What reaches out while the ``with`` lasts, in words; ``own`` is the folder of what is read."""
+    global _seen, _own, _installed
     if not _installed:
         sys.addaudithook(_hear)
         _installed = True
     found: list[str] = []
-    _seen = found
+    _seen, _own = found, os.path.realpath(own) + os.sep
     try:
         yield found
     finally:
@@ -39,7 +41,7 @@ def _hear(event: str, arguments: tuple[Any, ...]) -> None:
         if not isinstance(path, str | bytes):
             return
         place = os.fsdecode(path)
-        if "outside/secret" in place:
+        if "outside/secret" in place and not os.path.realpath(place).startswith(_own):
             _seen.append(f"opens {place}")
         elif isinstance(flags, int) and flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT) and not _is_own(place):
             _seen.append(f"writes {place}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import json
 from pathlib import Path
+from random import Random
 
 import pytest
 
@@ -17,10 +18,13 @@ from tools.fuzzing.children import Child
 from tools.fuzzing.formats import HARNESSES
 from tools.fuzzing.harness import CHANGES
 from tools.fuzzing.mutate import Tally, mutate, planned, table
+from tools.fuzzing.mutations.text import changed_text
+from tools.fuzzing.mutations.xml import changed_xml
 
-WAYS = importlib.import_module("tests.tools.fuzzing.misbehaving").WAYS
+WRONG_WAYS = importlib.import_module("tests.tools.fuzzing.misbehaving").WRONG_WAYS
 MISBEHAVING = "tests.tools.fuzzing.misbehaving"
 FOUND = (
+    "clean",
     "clean",
     "refused",
     "traceback",
@@ -35,14 +39,21 @@ FOUND = (
 )
 
 
+@pytest.mark.parametrize("content", [b"7 " * 30_000, b'<a b="' + b"7 " * 30_000 + b'"/>'], ids=["text", "xml"])
+@pytest.mark.parametrize("change", [changed_text, changed_xml])
+def test_what_is_changed_again_and_again_stays_of_a_size_to_be_held(content, change):
+    for seed in range(60):
+        assert len(change(content, Random(seed))[0]) < 32 << 20
+
+
 def test_every_way_to_fail_is_told_of_its_own_input():
     with Child(0, MISBEHAVING, hang_s=4.0) as child:
         told = [(one, file.read_text()) for one, file in child.outcomes("misbehaving", 0, len(FOUND))]
     outcomes = [outcome for outcome, _ in told]
-    assert [held for one, held in told if one["class"] not in RIGHT] == list(WAYS[2:])
+    assert [held for one, held in told if one["class"] not in RIGHT] == list(WRONG_WAYS)
     assert [one["number"] for one in outcomes] == list(range(len(FOUND)))
     assert tuple(one["class"] for one in outcomes) == FOUND
-    assert outcomes[5]["mb"] > 250 and outcomes[6]["s"] > 1.0
+    assert outcomes[FOUND.index("memory")]["mb"] > 250 and outcomes[FOUND.index("slow")]["s"] > 1.0
 
 
 @pytest.mark.parametrize("harness", HARNESSES, ids=lambda harness: harness.name)

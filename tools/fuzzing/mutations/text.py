@@ -24,6 +24,7 @@ WORDS = (
     *("..", ".", "/", OUTSIDE, f"{OUTSIDE}.png", "C:\\secret", "\\\\host\\share", "file:///etc/passwd"),
     *("http://127.0.0.1:9/x", "CON", "a/b/c", "%s%n", "{}", "${HOME}", "\n", "\r\n", "'", '"', "]", "<!--", "\x7f\x9b"),
 )
+_MOST_BYTES = 1 << 22  # by repeating: what changes it again has to hold it
 _NUMBER = re.compile(rb"(?<![\w.])[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?")
 _WORD = re.compile(rb"[A-Za-z_][\w./-]*")
 
@@ -40,6 +41,11 @@ def changed_by(changes: Sequence[Change], data: bytes, rng: Random) -> tuple[byt
         data, name = rng.choice(changes)(data, rng)
         told.append(name)
     return data, "; ".join(told)
+
+
+def times(count: int, size_bytes: int) -> int:
+    """``count``, or as often as a piece of that size may be repeated."""
+    return min(count, max(_MOST_BYTES // max(size_bytes, 1), 1))
 
 
 def numbers_in(data: bytes, rng: Random, first: int = 1 << 20) -> tuple[bytes, str]:
@@ -82,7 +88,7 @@ def _line(data: bytes, rng: Random) -> tuple[bytes, str]:
         case 2:
             lines[at], lines[other] = lines[other], lines[at]
         case 3:
-            lines[at:at] = [lines[at]] * rng.choice((10, 1000))
+            lines[at:at] = [lines[at]] * times(rng.choice((10, 1000)), len(lines[at]))
         case 4:
             lines[at] = lines[at].join([b" "] * 3)
         case _:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from random import Random
 
-from .text import NUMBERS, OUTSIDE, WORDS, changed_by, changed_text
+from .text import NUMBERS, OUTSIDE, WORDS, changed_by, changed_text, times
 
 _ATTRIBUTE = re.compile(rb'\b([\w:]{1,40})="([^"]*)"')
 _ELEMENT = re.compile(rb"<\w[^<>]*/>")
@@ -43,7 +43,7 @@ def _attribute(data: bytes, rng: Random) -> tuple[bytes, str]:
         case 1:
             words[rng.randrange(len(words))] = rng.choice(WORDS).encode()
         case 2:
-            words = rng.choice((words[:-1], words * 2, words * 3000, [rng.choice(found)[2]]))
+            words = rng.choice((words[:-1], words * 2, words * times(3000, len(one[2])), [rng.choice(found)[2]]))
         case _:
             words[rng.randrange(len(words))] = rng.choice(NUMBERS).encode()
     value = b" ".join(words).replace(b'"', b"&quot;")
@@ -59,7 +59,8 @@ def _element(data: bytes, rng: Random) -> tuple[bytes, str]:
         case 0:
             return data[: one.start()] + data[one.end() :], "an element gone"
         case 1:
-            return data[: one.end()] + other[0] * rng.choice((1, 1, 300)) + data[one.end() :], "an element doubled"
+            doubled = other[0] * times(rng.choice((1, 1, 300)), len(other[0]))
+            return data[: one.end()] + doubled + data[one.end() :], "an element doubled"
         case 2:
             return data[: one.start()] + other[0] + data[one.end() :], "another element"
         case _:
