@@ -18,7 +18,7 @@ from ..core.progress import SILENT, Progress
 from ..splats.asset import SplatAsset
 from ..splats.formats.ply import load_made
 from .arms import ARMS
-from .exposed_rendering import as_exposed
+from .exposed_rendering import as_exposed, exposures_differ
 from .external_arms.external_views import ExternalViews, external_views, why_not_set_up
 from .frozen import ArmScore, score
 from .round_scores import LABEL_WIDTH
@@ -52,7 +52,6 @@ def score_arms(scene: Scene, arms: Sequence[str], views: Sequence[Capture], prog
     renderings: dict[str, dict[str, np.ndarray]] = {}
     depths: dict[str, list[np.ndarray]] = {}
     captures = scene.read(CAPTURES)
-    differ = any(capture.gain is not None for capture in captures)
     for arm in arms:
         if arm in not_scored:
             continue
@@ -66,7 +65,7 @@ def score_arms(scene: Scene, arms: Sequence[str], views: Sequence[Capture], prog
             keep=pictures.__setitem__,
             progress=progress,
             title=f"Scoring {source.label}",
-            corrected=differ,
+            corrected=exposures_differ(captures),
         )
         scores[arm] = replace(scored, backend=made.told if made else "")
     return ScoredArms(scores, renderings, depths, not_scored)

@@ -22,6 +22,11 @@ _NEAREST = 0.05
 """What is added to a capture's distance, metres and radians together, so that one at the same place is not all."""
 
 
+def exposures_differ(captures: Sequence[Capture]) -> bool:
+    """Whether captures were brought to one exposure."""
+    return any(capture.gain is not None for capture in captures)
+
+
 def as_exposed(asset: SplatAsset, captures: Sequence[Capture]) -> Callable[[Camera], Rendering]:
     """Renders ``asset`` at the exposure of the ``captures`` near a camera; as it is where none has a gain."""
 
@@ -34,7 +39,7 @@ def as_exposed(asset: SplatAsset, captures: Sequence[Capture]) -> Callable[[Came
 
 def exposed(colour: np.ndarray, camera: Camera, captures: Sequence[Capture]) -> np.ndarray:
     """A picture (H, W, 3) of the captures' one exposure at that of those near its ``camera``."""
-    if all(capture.gain is None for capture in captures):
+    if not exposures_differ(captures):
         return colour
     return srgb_from_linear(linear_from_srgb(colour) * exposure_near(camera, captures))
 

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any, TypeVar
 
 import cv2
@@ -38,7 +37,7 @@ from ..stereo.weak_depth import weak_depth
 from .completed_depth import CompletedDepth, DepthSource
 from .niches import receded
 from .patch_depth import ColourView, more_alike, nearer_depth
-from .plane_evidence import PlaneEvidence, aggregated
+from .plane_evidence import PlaneEvidence, guided_filter
 from .planes import RoomPlanes
 from .point_evidence import PointEvidence
 from .propagation import propagated_depth
@@ -96,7 +95,7 @@ def complete_depth(
             task.advance()
         surfaces, found = [one.surfaces for one in chosen], {}
         for index in sorted(range(len(views)), key=lambda index: -np.count_nonzero(views[index].known)):
-            found[index] = _continued(index, chosen, surfaces, settings.stereo.sources)
+            found[index] = _continued(index, chosen, surfaces)
             surfaces[index] = _before_envelope(found[index])
             task.advance()
     completed = [found[index] for index in range(len(views))]
@@ -154,9 +153,11 @@ class _View(ColourView):
 class _Chosen:
     """What the evidence chose for a ``view``: ``depth``, its ``source`` and the ``certainty`` of the estimate, if any;
     the envelope's depth ``bound`` behind it, 0 where there is none; ``last``, beyond which nothing lies; and where a
-    wall ``stays`` though it recedes elsewhere (``niches``); all (H, W). ``planes`` and ``points`` are the view's."""
+    wall ``stays`` though it recedes elsewhere (``niches``); all (H, W). ``sources`` are the views that see
+    the same, ``planes`` and ``points`` the view's."""
 
     view: _View
+    sources: Sequence[_View]
     depth: np.ndarray
     source: np.ndarray
     certainty: np.ndarray | None
@@ -166,7 +167,7 @@ class _Chosen:
     planes: RoomPlanes
     points: PointEvidence
 
-    @cached_property
+    @property
     def surfaces(self) -> KnownDepth:
         """What the photographs spoke for: measured by them, or on one of the room's planes."""
         spoken_for = np.isin(self.source, (DepthSource.OBSERVED, DepthSource.MEASURED, DepthSource.PLANE))
@@ -191,7 +192,8 @@ def _chosen(
     bound[bound > farthest_m] = 0.0
     last = np.where(bound > 0, bound + _BEHIND_ENVELOPE_M, farthest_m)
     anchor = _anchor(view, [other.trusted for other in _but(index, views)])
-    evidence = PlaneEvidence(view, overlapping(index, views, settings.stereo.sources), anchor, points, estimate)
+    sources = overlapping(index, views, settings.stereo.sources)
+    evidence = PlaneEvidence(view, sources, anchor, points, estimate)
     best_cost = np.full(view.camera.shape, np.inf, np.float32)
     best_depth = np.zeros(view.camera.shape, np.float32)
     for depth, row in zip(planes.depths(view.camera), planes.inverse_depth_rows(view.camera), strict=True):
@@ -200,7 +202,7 @@ def _chosen(
             continue
         cost = evidence.against(depth, row)
         cost[hidden] = _OUT_OF_VIEW
-        cost = aggregated(view.grey, cost) + 0.15 * cost
+        cost = guided_filter(view.grey, cost) + 0.15 * cost
         better = (cost < best_cost) & ~hidden
         best_cost[better], best_depth[better] = cost[better], depth[better]
     observed = view.known > 0
@@ -235,15 +237,14 @@ def _chosen(
         surer = (estimate.depth > 0) & (estimate.depth <= last) & apart & (estimate.sigma < doubt)
         depth[surer], source[surer] = estimate.depth[surer], DepthSource.ESTIMATED
     certainty = None if estimate is None else certainty_of(estimate.sigma)
-    return _Chosen(view, depth, source, certainty, bound, last, stays, planes, points)
+    return _Chosen(view, sources, depth, source, certainty, bound, last, stays, planes, points)
 
 
-def _continued(index: int, chosen: Sequence[_Chosen], surfaces: Sequence[KnownDepth], sources: int) -> CompletedDepth:
+def _continued(index: int, chosen: Sequence[_Chosen], surfaces: Sequence[KnownDepth]) -> CompletedDepth:
     """The depth of view ``index``: where nothing was chosen for more than the envelope, the ``surfaces`` of the others
     that show there are taken as they are, and elsewhere what is known goes on."""
     one, view = chosen[index], chosen[index].view
     depth, source = one.depth.copy(), one.source.copy()
-    overlapping_views = overlapping(index, [each.view for each in chosen], sources)
     likely = np.isin(source, (DepthSource.ENVELOPE, DepthSource.FILLED))
     if likely.any():
         seen = seen_by_others(view.camera, _but(index, surfaces), view.known)
@@ -251,10 +252,10 @@ def _continued(index: int, chosen: Sequence[_Chosen], surfaces: Sequence[KnownDe
         gone_on = propagated_depth(view, one.points, seen, one.planes, one.last, trusted)
         gone_on = np.where((seen > 0) & (seen <= one.last), seen, gone_on)
         likely &= (gone_on > 0) & ((gone_on < one.bound) | (one.bound <= 0)) & (one.stays <= 0)
-        likely &= ~more_alike(view, overlapping_views, likely & (one.bound > 0), one.bound, gone_on)
+        likely &= ~more_alike(view, one.sources, likely & (one.bound > 0), one.bound, gone_on)
         depth[likely], source[likely] = gone_on[likely], DepthSource.FILLED
     depth = _filled(depth, view.known > 0)
-    nearer = nearer_depth(view, overlapping_views, depth)
+    nearer = nearer_depth(view, one.sources, depth)
     moved = nearer > 0
     depth[moved], source[moved] = nearer[moved], DepthSource.PLANE
     if one.certainty is None:

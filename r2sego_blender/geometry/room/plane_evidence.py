@@ -124,7 +124,7 @@ def _correlation(image: np.ndarray, mean: np.ndarray, variance: np.ndarray, othe
     return covariance / np.sqrt((variance + noise) * (other_variance + noise))
 
 
-def aggregated(guide: np.ndarray, image: np.ndarray) -> np.ndarray:
+def guided_filter(guide: np.ndarray, image: np.ndarray) -> np.ndarray:
     """The guided filter (He et al., 2010) of ``image`` along the edges of ``guide``."""
     mean_guide, mean = _box(guide, _GUIDE_RADIUS_PX), _box(image, _GUIDE_RADIUS_PX)
     covariance = _box(guide * image, _GUIDE_RADIUS_PX) - mean_guide * mean
