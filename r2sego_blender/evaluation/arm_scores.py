@@ -11,14 +11,13 @@ import numpy as np
 from ..bundle.layout import of_round
 from ..bundle.scene import Scene
 from ..captures.capture import Capture
-from ..captures.store import CAPTURES
 from ..core.cameras import Camera
 from ..core.errors import MachineError, NativeError
 from ..core.progress import SILENT, Progress
 from ..splats.asset import SplatAsset
 from ..splats.formats.ply import load_made
 from .arms import ARMS
-from .exposed_rendering import as_exposed, exposures_differ
+from .exposure.exposures import Exposures
 from .external_arms.external_views import ExternalViews, external_views, why_not_set_up
 from .frozen import ArmScore, score
 from .round_scores import LABEL_WIDTH
@@ -39,19 +38,20 @@ class ScoredArms:
     not_scored: Mapping[str, str]
 
 
-def score_arms(scene: Scene, arms: Sequence[str], views: Sequence[Capture], progress: Progress = SILENT) -> ScoredArms:
+def score_arms(
+    scene: Scene, arms: Sequence[str], views: Sequence[Capture], exposures: Exposures, progress: Progress = SILENT
+) -> ScoredArms:
     """Train those of ``arms`` that are not there, and score all of them; one that cannot be run is told."""
     not_scored = {arm: why for arm in arms if ARMS[arm].views and (why := why_not_set_up(arm))}
     asked = [arm for arm in arms if arm not in not_scored]
     train_arms(scene, progress, {*asked, *(ARMS[arm].base for arm in asked)})
-    shown_by_others, broken = _external_views(scene, asked, views, progress)
+    shown_by_others, broken = _external_views(scene, asked, views, exposures, progress)
     not_scored |= broken
     for arm, why in not_scored.items():
         progress.message(f"{ARMS[arm].label} is not scored: {why}", "warning")
     scores: dict[str, ArmScore] = {}
     renderings: dict[str, dict[str, np.ndarray]] = {}
     depths: dict[str, list[np.ndarray]] = {}
-    captures = scene.read(CAPTURES)
     for arm in arms:
         if arm in not_scored:
             continue
@@ -60,12 +60,12 @@ def score_arms(scene: Scene, arms: Sequence[str], views: Sequence[Capture], prog
         found = depths.setdefault(arm, [])
         made = shown_by_others.get(arm)
         scored = score(
-            made.at(views) if made else _renderer(load_made(scene.path / source.asset), captures, found),
+            made.at(views) if made else _renderer(load_made(scene.path / source.asset), exposures, found),
             views,
             keep=pictures.__setitem__,
             progress=progress,
             title=f"Scoring {source.label}",
-            corrected=exposures_differ(captures),
+            corrected=exposures.differ,
         )
         scores[arm] = replace(scored, backend=made.told if made else "")
     return ScoredArms(scores, renderings, depths, not_scored)
@@ -108,7 +108,7 @@ def _psnr(value: float | None) -> str:
 
 
 def _external_views(
-    scene: Scene, arms: Sequence[str], views: Sequence[Capture], progress: Progress
+    scene: Scene, arms: Sequence[str], views: Sequence[Capture], exposures: Exposures, progress: Progress
 ) -> tuple[dict[str, ExternalViews], dict[str, str]]:
     """What methods of others show, by arm, and of those that show nothing why."""
     shown: dict[str, ExternalViews] = {}
@@ -117,17 +117,15 @@ def _external_views(
         if not ARMS[arm].views:
             continue
         try:
-            shown[arm] = external_views(scene, arm, views, progress)
+            shown[arm] = external_views(scene, arm, views, exposures, progress)
         except (MachineError, NativeError) as error:
             broken[arm] = str(error)
     return shown, broken
 
 
-def _renderer(
-    asset: SplatAsset, captures: Sequence[Capture], depths: list[np.ndarray]
-) -> Callable[[Camera], np.ndarray]:
+def _renderer(asset: SplatAsset, exposures: Exposures, depths: list[np.ndarray]) -> Callable[[Camera], np.ndarray]:
     """Renders the asset's colour as the captures' camera exposes it; its depth (H, W) is appended to ``depths``."""
-    exposed = as_exposed(asset, captures)
+    exposed = exposures.renderer(asset)
 
     def colour(camera: Camera) -> np.ndarray:
         rendering = exposed(camera)

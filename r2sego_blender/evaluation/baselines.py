@@ -13,6 +13,7 @@ from ..core.progress import SILENT, Progress
 from ..geometry.stereo.observed_geometry import OBSERVED
 from .arm_scores import arm_lines, asset_digests, not_scored_lines, score_arms
 from .arms import ARMS, DEFAULT_ARMS
+from .exposure.exposures import exposures_of
 from .frozen_views import views_to_score
 from .metrics_file import write_metrics
 
@@ -41,7 +42,7 @@ def evaluate_baselines(
     with scene.locked():
         refine(scene, progress, until=OBSERVED.name)
         views = views_to_score(scene, frozen, distinct, progress)
-        scored = score_arms(scene, tuple(arm for arm in ARMS if arm in arms), views, progress)
+        scored = score_arms(scene, tuple(arm for arm in ARMS if arm in arms), views, exposures_of(scene), progress)
         return write_metrics(
             scene.made_folder(scene.report_folder.name) / Path(BASELINE_METRICS.name).name,
             scored.scores,

@@ -5,48 +5,33 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from ..bundle.scene import Scene
 from ..captures.capture import Capture
-from ..captures.store import CAPTURES
-from ..core.cameras import Camera
-from ..core.errors import R2SEgoError
 from ..core.json_files import rounded
 from ..core.progress import SILENT, Progress
-from ..generation.conditions.conditions import ZBufferRenderer
-from ..generation.generators.blending import BlendingGenerator
-from ..geometry.proxy.proxy import PROXY
-from ..geometry.stereo.stereo import DEPTH
-from ..refine.depths import proxy_depths, reliable_depths
-from .exposed_rendering import exposed
+from .blended_captures import blended_captures
+from .exposure.exposures import Exposures
 from .frozen import score
 
 _EMBEDDED = "blending"
 
 
-def score_generator(scene: Scene, views: Sequence[Capture], progress: Progress = SILENT) -> dict[str, Any]:
+def score_generator(
+    scene: Scene, views: Sequence[Capture], exposures: Exposures, progress: Progress = SILENT
+) -> dict[str, Any]:
     """``psnr`` and ``ssim`` of the embedded generator's frames at ``views``, of the captures and the last proxy.
 
     They are exposed and scored as an asset's pictures are. Empty where another generator made the scene's views, for
     a clip of a model for each view costs too much, and where the proxy cannot be read.
     """
-    h = scene.declaration.settings
-    rounds = scene.rounds_of_result()
-    if h.generation.generator != _EMBEDDED or not rounds:
+    if scene.declaration.settings.generation.generator != _EMBEDDED or (blend := blended_captures(scene)) is None:
         return {}
-    try:
-        captures, proxy = scene.read(CAPTURES), scene.read(PROXY.of_round(rounds - 1))
-        observed = reliable_depths(captures, scene.read(DEPTH), h.stereo)
-        generator = BlendingGenerator(captures, proxy_depths(captures, proxy), h.generation, observed)
-    except R2SEgoError:
-        return {}
-    renderer = ZBufferRenderer(proxy)
-
-    def made(camera: Camera) -> np.ndarray:
-        return exposed(generator.blend(renderer.condition(camera), seen=False).image, camera, captures)
-
-    scored = score(made, views, progress=progress, title="Scoring the generator")
+    scored = score(
+        lambda camera: exposures.exposed(blend(camera).image, camera),
+        views,
+        progress=progress,
+        title="Scoring the generator",
+    )
     return {"psnr": rounded(scored.psnr), "ssim": rounded(scored.ssim)}
 
 

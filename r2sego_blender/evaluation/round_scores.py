@@ -9,13 +9,12 @@ from typing import Any
 
 from ..bundle.scene import Scene
 from ..captures.capture import Capture
-from ..captures.store import CAPTURES
 from ..core.errors import R2SEgoError
 from ..core.json_files import rounded
 from ..core.progress import SILENT, Progress
 from ..splats.artifacts import ASSET, BACKDROP
 from ..splats.asset import SplatAsset
-from .exposed_rendering import as_exposed
+from .exposure.exposures import Exposures
 from .frozen import score
 
 LABEL_WIDTH = 20
@@ -37,7 +36,9 @@ class RoundScore:
     missing: str = ""
 
 
-def score_rounds(scene: Scene, views: Sequence[Capture], progress: Progress = SILENT) -> tuple[RoundScore, ...]:
+def score_rounds(
+    scene: Scene, views: Sequence[Capture], exposures: Exposures, progress: Progress = SILENT
+) -> tuple[RoundScore, ...]:
     """Score ``rounds/l/asset.ply`` of every declared round, in order.
 
     Each asset is put before the scene's backdrop, as the refined asset is. A round whose
@@ -49,8 +50,7 @@ def score_rounds(scene: Scene, views: Sequence[Capture], progress: Progress = SI
     except R2SEgoError as error:
         missing = f"{BACKDROP.name}: {error.what}"
         return tuple(RoundScore(index, None, None, missing=missing) for index in rounds)
-    captures = scene.read(CAPTURES)
-    return tuple(_score(scene, index, backdrop, captures, views, progress) for index in rounds)
+    return tuple(_score(scene, index, backdrop, views, exposures, progress) for index in rounds)
 
 
 def below(rounds: Sequence[RoundScore]) -> tuple[str, ...]:
@@ -92,12 +92,7 @@ def lines(entries: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _score(
-    scene: Scene,
-    index: int,
-    backdrop: SplatAsset,
-    captures: Sequence[Capture],
-    views: Sequence[Capture],
-    progress: Progress,
+    scene: Scene, index: int, backdrop: SplatAsset, views: Sequence[Capture], exposures: Exposures, progress: Progress
 ) -> RoundScore:
     made = ASSET.of_round(index)
     try:
@@ -105,6 +100,6 @@ def _score(
     except R2SEgoError as error:
         return RoundScore(index, None, None, missing=f"{made.name}: {error.what}")
     whole = asset.concatenated(backdrop.with_degree(asset.degree))
-    exposed = as_exposed(whole, captures)
+    exposed = exposures.renderer(whole)
     arm = score(lambda camera: exposed(camera).colour, views, progress=progress, title=f"Scoring round {index}")
     return RoundScore(index, arm.psnr, arm.ssim, arm.lpips_alex)

@@ -19,6 +19,7 @@ from . import generator_score, round_scores, scene_causes, view_influence
 from .arm_scores import ScoredArms, arm_lines, asset_digests, not_scored_lines, score_arms
 from .arms import ARMS, DEFAULT_ARMS, REFINED
 from .cause_figures import report_causes
+from .exposure.exposures import exposures_of
 from .frozen_views import views_to_score
 from .generator_score import score_generator
 from .metrics_file import write_metrics
@@ -61,9 +62,10 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress, arms: Sequence[st
     require_present_frame(scene, [layout.REFINED_ASSET], "scored")
     require_as_made(scene, layout.REFINED_ASSET)
     views = views_to_score(scene, frozen, distinct, progress)
-    scored = score_arms(scene, arms, views, progress)
-    rounds = score_rounds(scene, views, progress)
-    generator = score_generator(scene, views, progress)
+    exposures = exposures_of(scene)
+    scored = score_arms(scene, arms, views, exposures, progress)
+    rounds = score_rounds(scene, views, exposures, progress)
+    generator = score_generator(scene, views, exposures, progress)
     images = {arm: [pictures[view.name] for view in views] for arm, pictures in scored.renderings.items()}
     depths = scored.depths
     influence = view_influence.view_influence(scene, views, images, depths[REFINED], progress)

@@ -9,6 +9,7 @@ import pytest
 from small_bundle import WIDTH, bundle, photographs, splats
 
 from r2sego_blender.core.images import to_uint8
+from r2sego_blender.evaluation.exposure.exposures import exposures_of
 from r2sego_blender.evaluation.lpips.weights import WEIGHTS_VARIABLE
 from r2sego_blender.evaluation.round_scores import RoundScore, as_entries, below, lines, score_rounds
 from r2sego_blender.splats.asset import SplatAsset
@@ -21,6 +22,10 @@ def _no_lpips_weights(monkeypatch):
     monkeypatch.delenv(WEIGHTS_VARIABLE, raising=False)
 
 
+def _scored(scene, views):
+    return score_rounds(scene, views, exposures_of(scene))
+
+
 def test_rounds_are_scored_in_order_over_the_backdrop(tmp_path):
     """Assets cover the left half alone; the right is the backdrop's in every round."""
     left = slice(None, WIDTH // 2)
@@ -28,7 +33,7 @@ def test_rounds_are_scored_in_order_over_the_backdrop(tmp_path):
     backdrop = splats(0.6, columns=slice(WIDTH // 2, None))
     scene = bundle(tmp_path, assets, backdrop)
     views = photographs(tmp_path, (0.0, 0.05), "frozen")
-    rounds = score_rounds(scene, views)
+    rounds = _scored(scene, views)
     assert [one.round for one in rounds] == [0, 1, 2]
     for one, asset in zip(rounds, assets, strict=True):
         whole = asset.concatenated(backdrop)
@@ -47,14 +52,14 @@ def test_rounds_are_scored_in_order_over_the_backdrop(tmp_path):
 def test_a_single_round_and_lost_ones_are_said(tmp_path):
     (tmp_path / "a").mkdir()
     views = photographs(tmp_path, (0.0,), "frozen")
-    (one,) = score_rounds(bundle(tmp_path / "a", [splats(0.6)], SplatAsset.empty()), views)
+    (one,) = _scored(bundle(tmp_path / "a", [splats(0.6)], SplatAsset.empty()), views)
     assert one.round == 0 and 15.0 < one.psnr < 30.0 and not one.missing
     assert below([one]) == ("",)
 
     (tmp_path / "b").mkdir()
     scene = bundle(tmp_path / "b", [splats(0.6), None, splats(0.7), splats(0.6)], SplatAsset.empty())
     (scene.path / "rounds/3/asset.ply").write_bytes(b"ply\nhalf")
-    rounds = score_rounds(scene, views)
+    rounds = _scored(scene, views)
     assert [one.psnr is None for one in rounds] == [False, True, False, True]
     assert rounds[1].missing.startswith("rounds/1/asset.ply: ")
     assert rounds[3].missing.startswith("rounds/3/asset.ply: ")
@@ -62,14 +67,14 @@ def test_a_single_round_and_lost_ones_are_said(tmp_path):
     assert rounds[0].psnr == pytest.approx(one.psnr)
 
     (scene.path / "geometry/backdrop.ply").unlink()
-    assert all(one.missing.startswith("geometry/backdrop.ply: ") for one in score_rounds(scene, views))
+    assert all(one.missing.startswith("geometry/backdrop.ply: ") for one in _scored(scene, views))
 
 
 def test_no_more_rounds_than_were_declared_are_scored(tmp_path):
     scene = bundle(tmp_path, [splats(0.6), splats(0.7)], SplatAsset.empty())
     again = scene.declare(overrides={"rounds": 1})
     views = photographs(tmp_path, (0.0,), "frozen")
-    assert [one.round for one in score_rounds(again, views)] == [0]
+    assert [one.round for one in _scored(again, views)] == [0]
 
 
 def test_entries_are_json_and_lines_say_what_fell():

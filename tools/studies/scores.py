@@ -11,7 +11,7 @@ import numpy as np
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.store import CAPTURES
 from r2sego_blender.core.images import resize_nearest
-from r2sego_blender.evaluation.exposed_rendering import as_exposed
+from r2sego_blender.evaluation.exposure.exposures import exposures_of
 from r2sego_blender.evaluation.frozen import score
 from r2sego_blender.evaluation.frozen_views import frozen_views
 from r2sego_blender.evaluation.ground_truth import GroundTruth
@@ -129,7 +129,7 @@ def proxy_scores(bundle: Scene, truth: GroundTruth) -> dict[str, float]:
 
 def view_scores(bundle: Scene, cameras: Path) -> dict[str, float]:
     """PSNR in dB and SSIM of the refined asset, means over the frozen views of ``cameras``, a cameras.json."""
-    exposed = as_exposed(bundle.read(REFINED_ASSET), bundle.read(CAPTURES))
+    exposed = exposures_of(bundle).renderer(bundle.read(REFINED_ASSET))
     found = score(lambda camera: exposed(camera).colour, frozen_views(bundle, cameras))
     return {"psnr": found.psnr, "ssim": found.ssim}
 

@@ -25,7 +25,7 @@ from ...splats.asset import SplatAsset
 from ...workers.protocol.asking import ask
 from ...workers.protocol.response import Limits, Response
 from ..arms import ARMS, DIFIX3D_PLUS, GENFUSION
-from ..exposed_rendering import as_exposed
+from ..exposure.exposures import Exposures
 from . import difix3d_plus, genfusion
 from .slot import ExternalArm, Given
 
@@ -33,6 +33,7 @@ METHODS: Mapping[str, ExternalArm | ModuleType] = {DIFIX3D_PLUS: difix3d_plus, G
 """The methods by their arm."""
 
 _DIGITS, _LONGEST_NAME = 12, 200  # of a digest that is shown, of a backend's name
+_DIGITS_OF_EXPOSURE = 4  # beyond which the same views are asked for
 _LIMITS = Limits(seconds=86_400.0, silent_s=3600.0)
 
 
@@ -93,7 +94,9 @@ def why_not_set_up(arm: str) -> str:
     return ""
 
 
-def external_views(scene: Scene, arm: str, views: Sequence[Capture], progress: Progress = SILENT) -> ExternalViews:
+def external_views(
+    scene: Scene, arm: str, views: Sequence[Capture], exposures: Exposures, progress: Progress = SILENT
+) -> ExternalViews:
     """What ``arm`` shows of the ``views``, of which it is given the cameras; passed over while nothing has changed.
 
     Raises MachineError where the method is not set up, NativeError where it broke or answered nonsense.
@@ -105,7 +108,7 @@ def external_views(scene: Scene, arm: str, views: Sequence[Capture], progress: P
     steps = h.rounds * h.training.steps_per_round
 
     def compute(captures: Sequence[Capture], observed: ObservedGeometry, *base: SplatAsset) -> ExternalViews:
-        shown = [as_exposed(asset, captures) for asset in base]
+        shown = [exposures.renderer(asset) for asset in base]
         renderings = {name: show(camera).colour for show in shown for name, camera in cameras.items()}
         request = method.request(Given(captures, observed, cameras, renderings, steps))
         with ask(installed.worker, request, progress, _LIMITS) as response:
@@ -114,6 +117,8 @@ def external_views(scene: Scene, arm: str, views: Sequence[Capture], progress: P
     made = Artifact(source.views, ExternalViews.load, ExternalViews.save, editable=False)
     base = [_asset_of(source.base)] if source.base else []
     known = [installed.identity, steps, {name: camera.to_json() for name, camera in cameras.items()}]
+    if exposures.differ:
+        known.append([exposures.of(camera).round(_DIGITS_OF_EXPOSURE).tolist() for camera in cameras.values()])
     try:
         Runner(scene).make(made, compute, CAPTURES, OBSERVED, *base, settings=known)
     finally:

@@ -25,7 +25,7 @@ from r2sego_blender.core.errors import EvaluationError, MachineError, NativeErro
 from r2sego_blender.core.images import save_image, to_uint8
 from r2sego_blender.evaluation import arm_scores, scene_evaluation, scene_report
 from r2sego_blender.evaluation.arms import ARMS, DIFIX3D_PLUS, GAUSSGYM, GENFUSION, REFINED
-from r2sego_blender.evaluation.exposed_rendering import as_exposed
+from r2sego_blender.evaluation.exposure.exposures import Exposures, exposures_of
 from r2sego_blender.evaluation.external_arms import difix3d_plus, external_views
 from r2sego_blender.evaluation.external_arms import genfusion as genfusion_arm
 from r2sego_blender.evaluation.external_arms.external_views import METHODS, ExternalViews
@@ -122,7 +122,7 @@ def test_difix3d_plus_fixes_the_gaussgym_conditions_pictures_with_the_nearest_ca
     assert "depth_error" not in told and "psnr_seen" in told
 
     captures = load_captures(scene.captures_folder)
-    shown = as_exposed(load_made(scene.path / ARMS[GAUSSGYM].asset), captures)
+    shown = Exposures(captures).renderer(load_made(scene.path / ARMS[GAUSSGYM].asset))
     views = frozen_views(scene, frozen)
     made = ExternalViews.load(scene.path / ARMS[DIFIX3D_PLUS].views)
     for view, nearest in zip(views, (0, 1), strict=True):
@@ -146,13 +146,13 @@ def test_genfusion_is_given_cameras_and_points_and_no_photograph_of_a_view(scene
 
 def test_what_was_shown_is_asked_again_only_where_something_changed(scene, frozen, with_genfusion, monkeypatch):
     views = frozen_views(scene, frozen)
-    first = external_views.external_views(scene, GENFUSION, views)
+    first = external_views.external_views(scene, GENFUSION, views, exposures_of(scene))
     monkeypatch.setattr(external_views, "ask", None)  # whoever asks now fails
-    again = external_views.external_views(scene, GENFUSION, views)
+    again = external_views.external_views(scene, GENFUSION, views, exposures_of(scene))
     assert all((again.pictures[name] == picture).all() for name, picture in first.pictures.items())
     (with_genfusion / genfusion.FOLDER / "train.py").write_text("raise SystemExit(3)")
     with pytest.raises(TypeError):
-        external_views.external_views(scene, GENFUSION, views)
+        external_views.external_views(scene, GENFUSION, views, exposures_of(scene))
 
 
 def test_a_method_that_breaks_costs_its_own_arm_alone_and_is_told_with_its_last_words(scene, frozen, with_genfusion):
@@ -168,9 +168,9 @@ def test_weights_that_are_not_there_are_named(scene, frozen, with_difix3d, with_
     views = frozen_views(scene, frozen)
     arm_scores.train_arms(scene, ProgressRecorder(), (GAUSSGYM,))
     with pytest.raises(MachineError, match="nvidia/difix_ref"):
-        external_views.external_views(scene, DIFIX3D_PLUS, views)
+        external_views.external_views(scene, DIFIX3D_PLUS, views, exposures_of(scene))
     with pytest.raises(MachineError) as error:
-        external_views.external_views(scene, GENFUSION, views)
+        external_views.external_views(scene, GENFUSION, views, exposures_of(scene))
     assert error.value.where.endswith(genfusion.CHECKPOINT)
 
 
@@ -185,7 +185,8 @@ def test_pictures_of_another_size_are_refused(scene, frozen, with_genfusion):
     render = with_genfusion / genfusion.FOLDER / "render.py"
     render.write_text(render.read_text().replace(".save(shown / name)", '.save(shown / ("x" + name))'))
     with pytest.raises(NativeError):
-        external_views.external_views(scene, GENFUSION, frozen_views(scene, frozen))
+        views = frozen_views(scene, frozen)
+        external_views.external_views(scene, GENFUSION, views, exposures_of(scene))
 
 
 def test_pictures_are_kept_with_their_names_and_their_backend(tmp_path):
