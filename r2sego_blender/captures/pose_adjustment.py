@@ -54,9 +54,8 @@ def triangulate_refined(
 def _triangulated(imported: Imported, settings: CaptureSettings, progress: Progress) -> tuple[Imported, SparsePoints]:
     detected, plain = _matched(imported, settings, progress)
     for lenses_too in () if imported.solved else (True, False):
-        lenses = [capture.camera for capture in imported.captures]
-        band_px = settings.max_error_px + _BAND_SIGMAS * _deviation_px(lenses, settings)
-        given, imported = imported, judged(imported, detected, plain, band_px, settings, progress, lenses_too)
+        off_px = band_px([capture.camera for capture in imported.captures], settings)
+        given, imported = imported, judged(imported, detected, plain, off_px, settings, progress, lenses_too)
         if imported is given:
             break
         detected, plain = _matched(imported, settings, progress)
@@ -90,9 +89,9 @@ def _refined(
 ) -> tuple[Sequence[Camera], str]:
     """The cameras and what was done to them in words, which are none when nothing was."""
     given = [capture.camera for capture in imported.captures]
-    band_px = settings.max_error_px + _BAND_SIGMAS * _deviation_px(given, settings)
-    pairs = confirming(plain, detected.features, given, band_px, settings)
-    sparse = triangulate_matches(given, detected, pairs, band_px, settings, progress)
+    off_px = band_px(given, settings)
+    pairs = confirming(plain, detected.features, given, off_px, settings)
+    sparse = triangulate_matches(given, detected, pairs, off_px, settings, progress)
     tracks = len(sparse.points)
     if tracks < settings.min_matches * (len(given) - 1):
         progress.message(
@@ -107,24 +106,31 @@ def _refined(
     )
     before_px = float(np.median(reprojection_errors(given, sparse.points, sparse.pixels)))
     after_px = float(np.median(reprojection_errors(cameras, points, sparse.pixels)))
-    if settings.refine_poses == "auto" and after_px > _CLEARLY_LOWER * before_px:
+    if settings.refine_poses == "auto" and not clearly_lower(after_px, before_px):
         progress.message(
             f"the given poses are kept: {tracks} tracks agree with them to {before_px:.2f} px, and to "
             f"{after_px:.2f} px with refined ones"
         )
         return given, ""
-    return cameras, _told(tracks, given, cameras, unit_m, before_px, after_px)
+    return cameras, told_of(tracks, given, cameras, unit_m, before_px, after_px)
 
 
-def _deviation_px(cameras: Sequence[Camera], settings: CaptureSettings) -> float:
-    """How far off its epipolar line the given poses put a match: a standard deviation."""
+def band_px(cameras: Sequence[Camera], settings: CaptureSettings) -> float:
+    """How far off their epipolar lines matches are looked for: given poses put them there."""
     rad = np.hypot(np.radians(settings.pose_sigma_deg), settings.pose_sigma_m / USUAL_DEPTH_M)
-    return float(np.sqrt(2.0) * rad * max(max(camera.fx, camera.fy) for camera in cameras))
+    deviation_px = float(np.sqrt(2.0) * rad * max(max(camera.fx, camera.fy) for camera in cameras))
+    return settings.max_error_px + _BAND_SIGMAS * deviation_px
 
 
-def _told(
+def clearly_lower(after_px: float, before_px: float) -> bool:
+    """Whether a median reprojection error fell by more than right poses' own freedom takes of it."""
+    return after_px <= _CLEARLY_LOWER * before_px
+
+
+def told_of(
     tracks: int, given: Sequence[Camera], cameras: Sequence[Camera], unit_m: float, before_px: float, after_px: float
 ) -> str:
+    """Poses that were refined, in words; ``unit_m`` is the cameras' unit of length."""
     centres_m = [unit_m * np.array([camera.centre for camera in some]) for some in (given, cameras)]
     moved_cm = 100.0 * np.linalg.norm(centres_m[1] - centres_m[0], axis=1)
     turned_deg = [

@@ -14,7 +14,7 @@ from ..geometry.stereo.observed_geometry import OBSERVED
 from .arm_scores import arm_lines, asset_digests, not_scored_lines, score_arms
 from .arms import ARMS, DEFAULT_ARMS
 from .exposure.exposures import exposures_of
-from .frozen_views import views_to_score
+from .frozen_views import poses_lines, views_to_score
 from .metrics_file import write_metrics
 
 DEFAULT_BASELINES = tuple(arm for arm in DEFAULT_ARMS if arm in BASELINES)
@@ -41,12 +41,13 @@ def evaluate_baselines(
 
     with scene.locked():
         refine(scene, progress, until=OBSERVED.name)
-        views = views_to_score(scene, frozen, distinct, progress)
+        views, poses = views_to_score(scene, frozen, distinct, progress)
         scored = score_arms(scene, tuple(arm for arm in ARMS if arm in arms), views, exposures_of(scene), progress)
         return write_metrics(
             scene.made_folder(scene.report_folder.name) / Path(BASELINE_METRICS.name).name,
             scored.scores,
             assets=asset_digests(scene, scored.scores),
+            frozen_poses=poses,
             not_scored=scored.not_scored,
         )
 
@@ -55,4 +56,4 @@ def table(metrics: Mapping[str, Any]) -> str:
     """The scores as lines for a terminal."""
     views = {len(scored["views"]) for scored in metrics["arms"].values()}
     told = [f"mean over {count} frozen views" for count in views]
-    return "\n".join([*arm_lines(metrics["arms"]), *not_scored_lines(metrics), *told])
+    return "\n".join([*arm_lines(metrics["arms"]), *not_scored_lines(metrics), *told, *poses_lines(metrics)])

@@ -5,8 +5,9 @@ They are read for scoring alone, after the refinement; nothing of them flows bac
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from ..bundle.layout import of_round
 from ..bundle.scene import Scene
 from ..captures.capture import Capture, DecodedCapture
 from ..captures.frozen import load_frozen_views
+from ..captures.held_out_poses import adjusted_views
 from ..captures.solving.locating import locate_views
 from ..captures.sparse_points import SPARSE
 from ..captures.store import CAPTURES
@@ -29,38 +31,51 @@ _SAME_PLACE_M, _SAME_TURN_RAD = 0.005, 0.005
 """Poses of one photograph that were found twice differ by as much, such as given and located ones."""
 
 
-def frozen_views(scene: Scene, frozen: Path, progress: Progress = SILENT) -> tuple[Capture, ...]:
-    """The frozen views in the world frame.
+class PosedViews(NamedTuple):
+    """Frozen views in the world frame, and in words how their given poses were refined; "" where they are as given."""
 
-    ``frozen`` is a cameras.json, of which the frozen list alone is read, or a folder of held-out photographs, which are
-    located against the captures.
+    views: tuple[Capture, ...]
+    refined: str
+
+
+def frozen_views(scene: Scene, frozen: Path, progress: Progress = SILENT) -> PosedViews:
+    """The frozen views of ``frozen``: a cameras.json, of which the frozen list alone is read, whose poses are judged by
+    the captures as those of the captures were, or a folder of held-out photographs, which are located against these.
     """
+    captures, h = scene.read(CAPTURES), scene.declaration.settings
     if frozen.is_dir():
-        captures = scene.read(CAPTURES)
         maps = scene.read(DEPTH).of(captures)
-        h = scene.declaration.settings
         depths = [np.where(m.reliable(h.stereo), m.depth, 0.0) for m in maps]
         sparse = scene.read(SPARSE)
-        return locate_views(frozen, captures, sparse, h.captures, depths=depths, seed=h.seed, progress=progress)
+        located = locate_views(frozen, captures, sparse, h.captures, depths=depths, seed=h.seed, progress=progress)
+        return PosedViews(located, "")
     world_from_capture = np.array(scene.declaration.world_from_capture)
-    return tuple(
-        view.transformed(world_from_capture) for view in load_frozen_views(frozen, captures=scene.read(CAPTURES))
-    )
+    given = [view.transformed(world_from_capture) for view in load_frozen_views(frozen, captures=captures)]
+    views, refined = adjusted_views(given, captures, h.captures, progress)
+    if refined:
+        progress.message(f"held-out {refined}")
+    return PosedViews(views, refined)
 
 
-def views_to_score(scene: Scene, frozen: Path, distinct: bool, progress: Progress = SILENT) -> tuple[Capture, ...]:
+def views_to_score(scene: Scene, frozen: Path, distinct: bool, progress: Progress = SILENT) -> PosedViews:
     """The frozen views, decoded once for all arms and rounds; those that were trained on are told.
 
     Raises EvaluationError for one of them where views are to be ``distinct`` (``require_distinct``).
     """
-    views = tuple(map(DecodedCapture.of, frozen_views(scene, frozen, progress)))
+    posed = frozen_views(scene, frozen, progress)
+    views = tuple(map(DecodedCapture.of, posed.views))
     if distinct:
         require_distinct(scene, views)
     if seen := seen_in_training(scene, views):
         progress.message(
             f"{', '.join(seen)}: taken from where a capture was; scores of what was trained on say little", "warning"
         )
-    return views
+    return PosedViews(views, posed.refined)
+
+
+def poses_lines(metrics: Mapping[str, Any]) -> list[str]:
+    """How the frozen views' poses were refined, as lines for a terminal."""
+    return [f"their {poses}"] if (poses := metrics.get("frozen_poses")) else []
 
 
 def same_view(one: Camera, other: Camera) -> bool:

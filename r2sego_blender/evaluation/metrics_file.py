@@ -17,7 +17,8 @@
                             "pixels": 0.12, "psnr": 17.31, "mended_by": "..."}, ...],
                 "views": [{"name": "frozen_00", "error": {"wrong_depth": 0.38, ...}}, ...]},
      "not_scored": {"genfusion": "R2SEGO_GENFUSION_PYTHON: GenFusion is not set up on this machine. ..."},
-     "assets": {"asset.ply": "<SHA-256>", "rounds/0/asset.ply": ...}}
+     "assets": {"asset.ply": "<SHA-256>", "rounds/0/asset.ply": ...},
+     "frozen_poses": "poses refined from 1810 tracks: moved by ..."}
 
 What captures saw and what not, and errors of geometry, are there where they could be told (``surface_scores``).
 ``generator`` is empty where its own frames were not scored, ``generated_views`` (``view_influence``) where
@@ -26,7 +27,8 @@ what they did cannot be told.
 An arm of an environment of its own has its ``backend``; ``not_scored`` are those that could not be run, and why.
 A score that is no finite number (the PSNR of two equal images) is ``null``, and so is what
 cannot be told of a cause. ``causes`` may have a ``note``; where there are none at all, it is
-``{"unavailable": "why"}``. ``assets`` are the digests of what was scored, as the journal has them.
+``{"unavailable": "why"}``. ``assets`` are the digests of what was scored, as the journal has them;
+``frozen_poses`` is "" where the frozen views' poses are as they were given.
 """
 
 from __future__ import annotations

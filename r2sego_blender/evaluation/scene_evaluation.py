@@ -20,7 +20,7 @@ from .arm_scores import ScoredArms, arm_lines, asset_digests, not_scored_lines, 
 from .arms import ARMS, DEFAULT_ARMS, REFINED
 from .cause_figures import report_causes
 from .exposure.exposures import exposures_of
-from .frozen_views import views_to_score
+from .frozen_views import poses_lines, views_to_score
 from .generator_score import score_generator
 from .metrics_file import write_metrics
 from .report_data import FrozenView, Rendering
@@ -61,7 +61,7 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress, arms: Sequence[st
         )
     require_present_frame(scene, [layout.REFINED_ASSET], "scored")
     require_as_made(scene, layout.REFINED_ASSET)
-    views = views_to_score(scene, frozen, distinct, progress)
+    views, poses = views_to_score(scene, frozen, distinct, progress)
     exposures = exposures_of(scene)
     scored = score_arms(scene, arms, views, exposures, progress)
     rounds = score_rounds(scene, views, exposures, progress)
@@ -85,12 +85,14 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress, arms: Sequence[st
         generated_views=influence,
         causes=scene_causes.as_entry(causes),
         assets=asset_digests(scene, scored.scores, rounds=True),
+        frozen_poses=poses,
         not_scored=scored.not_scored,
     )
     unseen = [] if isinstance(surfaces, str) else [~view.seen for view in surfaces.views]
     shown = _pictures(views, scored, figures, unseen)
     split = report_causes(causes, scored.scores[REFINED], shown)
-    write_scene_report(scene, scored.scores, shown, rounds, split, figures, generator_score.told(generator), influence)
+    of_generator = generator_score.told(generator)
+    write_scene_report(scene, scored.scores, shown, rounds, split, figures, of_generator, influence, poses)
     return metrics
 
 
@@ -98,7 +100,7 @@ def table(metrics: Mapping[str, Any]) -> str:
     """The scores as lines for a terminal."""
     told = metrics["arms"][REFINED]
     lines = [*arm_lines(metrics["arms"]), *round_scores.lines(metrics["rounds"]), *not_scored_lines(metrics)]
-    lines.append(f"mean over {len(told['views'])} frozen views")
+    lines += [f"mean over {len(told['views'])} frozen views", *poses_lines(metrics)]
     of_generator = generator_score.told(metrics.get("generator", {}))
     of_views = view_influence.told(metrics.get("generated_views", {}))
     lines += [*filter(None, [of_generator, of_views, unseen_told(told)]), *geometry_lines(told)]

@@ -79,10 +79,12 @@ def write_scene_report(
     figures: Mapping[str, ArmFigures] = MappingProxyType({}),
     generator: str = "",
     influence: Mapping[str, Any] = MappingProxyType({}),
+    frozen_poses: str = "",
 ) -> Path:
     """Write ``report/index.html`` from what the bundle holds, with scores where there are some.
 
-    ``influence`` is what generated views did on the frozen ones (``view_influence``).
+    ``influence`` is what generated views did on the frozen ones (``view_influence``), ``frozen_poses`` how their given
+    poses were refined.
     """
     declared = scene.declaration
     rounds = range(scene.rounds_of_result())
@@ -103,6 +105,7 @@ def write_scene_report(
                 ("Behaviour scope", declared.scope),
                 ("Preset", declared.preset),
                 ("Seed", str(declared.settings.seed)),
+                *([("Held-out views", frozen_poses)] if frozen_poses else []),
             ),
             arms=tuple(_arm(key, score, figures) for key, score in (scores or {}).items()),
             baseline=strongest_baseline({key: score.psnr for key, score in (scores or {}).items()}),

@@ -85,7 +85,7 @@ def bench_generation(
     with tempfile.TemporaryDirectory(prefix="r2sego-generation-") as temporary:
         folder = Path(temporary)
         made = bundle_with_proxy(scene, bundle, folder / "scene.r2s", seed, progress)
-        views = frozen_views(made, scene / "cameras.json")
+        views = frozen_views(made, scene / "cameras.json").views
         in_world = truth.transformed(np.array(made.declaration.world_from_capture))
         true_arm = _true_arm(made, in_world)
         _warm_up(true_arm, views[0].camera)

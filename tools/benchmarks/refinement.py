@@ -74,7 +74,7 @@ def bench_refinement(
                 made = made.declare(preset=preset, overrides=changes)
             else:
                 made = made.declare(overrides={**made.declaration.overrides, **changes})
-            frozen = len(frozen_views(made, cameras))  # before an hour's work: are they there?
+            frozen = len(frozen_views(made, cameras).views)  # before an hour's work: are they there?
             if library is not None and truth is not None:
                 # masks and meshes are the same in every call, so that nothing is made twice
                 rng = np.random.default_rng([made.declaration.settings.seed, _LIBRARY])

@@ -72,7 +72,7 @@ def bench_registration(
     with tempfile.TemporaryDirectory(prefix="r2sego-registration-") as temporary:
         folder = Path(temporary)
         made = bundle_with_proxy(scene, bundle, folder / "scene.r2s", seed, progress)
-        views = frozen_views(made, scene / "cameras.json")
+        views = frozen_views(made, scene / "cameras.json").views
         depths = [one.depth for one in truth.transformed(np.array(made.declaration.world_from_capture)).views]
         arm = estimated_arm(made)
         completed = completed_depths(arm.captures, made.read(COMPLETED))

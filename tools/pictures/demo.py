@@ -29,7 +29,7 @@ HEIGHT_PX = 360
 
 
 def main(scene: Scene) -> None:
-    views = frozen_views(scene, FROZEN)
+    views = frozen_views(scene, FROZEN).views
     assets = [load_ply(scene.path / ARMS[arm].asset) for arm in ("vanilla_3dgs", "refined")]
     rows = []
     for index in SHOWN:

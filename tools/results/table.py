@@ -70,7 +70,7 @@ def table(scenes: list[Scene], before: str = "") -> str:
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
         *rows.values(),
         "",
-        "PSNR in dB / SSIM, means over complete held-out views, no mask, no correction by what they show. Vanilla",
+        "PSNR in dB / SSIM, means over complete held-out views, no mask, no colour correction. Vanilla",
         "3DGS has the original's settings and densification; it starts from the same observed points and trains on",
         "the same captures for as many steps, over black; *GaussGym* (its sparse-stable SH3 condition) does so without",
         "densification, *same points* also at this project's rates. The gain is over the best of the three. *No",

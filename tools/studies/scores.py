@@ -130,7 +130,7 @@ def proxy_scores(bundle: Scene, truth: GroundTruth) -> dict[str, float]:
 def view_scores(bundle: Scene, cameras: Path) -> dict[str, float]:
     """PSNR in dB and SSIM of the refined asset, means over the frozen views of ``cameras``, a cameras.json."""
     exposed = exposures_of(bundle).renderer(bundle.read(REFINED_ASSET))
-    found = score(lambda camera: exposed(camera).colour, frozen_views(bundle, cameras))
+    found = score(lambda camera: exposed(camera).colour, frozen_views(bundle, cameras).views)
     return {"psnr": found.psnr, "ssim": found.ssim}
 
 

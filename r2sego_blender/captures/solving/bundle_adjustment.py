@@ -58,12 +58,16 @@ class Tracks(NamedTuple):
 
 
 def adjusted(
-    cameras: Sequence[Camera], points: np.ndarray, pixels: np.ndarray, centre_sigma: float, rotation_sigma_rad: float
+    cameras: Sequence[Camera],
+    points: np.ndarray,
+    pixels: np.ndarray,
+    centre_sigma: float | np.ndarray,
+    rotation_sigma_rad: float | np.ndarray,
 ) -> tuple[tuple[Camera, ...], np.ndarray]:
     """The cameras and points (P, 3) that fit the tracks and the cameras' given poses best.
 
     ``pixels`` (P, N, 2) are the measurements, NaN where there is none. The sigmas are the
-    standard deviations of the given poses along and about each axis, ``centre_sigma`` in
+    standard deviations of the given poses along and about each axis, of all or (N,) of each, ``centre_sigma`` in
     their unit; a keypoint's is a pixel. Lenses stay as they are.
 
     The tracks say nothing of where the whole lies, how it is turned and how large it is: there
@@ -71,7 +75,8 @@ def adjusted(
     of least squares. A camera without tracks stays where it is.
     """
     state = _given(cameras, points, np.zeros((1, LENS_TERMS)))
-    problem = _Problem(cameras, Tracks.of(pixels), state, np.repeat([centre_sigma, rotation_sigma_rad], 3))
+    sigma = np.repeat(np.stack([centre_sigma, rotation_sigma_rad], axis=-1), 3, axis=-1)
+    problem = _Problem(cameras, Tracks.of(pixels), state, sigma)
     for width_px in _LOSS_WIDTHS_PX:
         state = _minimised(problem, state, width_px)
     return _at(cameras, state), state.points

@@ -123,7 +123,7 @@ def test_difix3d_plus_fixes_the_gaussgym_conditions_pictures_with_the_nearest_ca
 
     captures = load_captures(scene.captures_folder)
     shown = Exposures(captures).renderer(load_made(scene.path / ARMS[GAUSSGYM].asset))
-    views = frozen_views(scene, frozen)
+    views = frozen_views(scene, frozen).views
     made = ExternalViews.load(scene.path / ARMS[DIFIX3D_PLUS].views)
     for view, nearest in zip(views, (0, 1), strict=True):
         mixed = 0.5 * np.clip(shown(view.camera).colour, 0.0, 1.0) + 0.5 * captures[nearest].image()
@@ -136,7 +136,7 @@ def test_genfusion_is_given_cameras_and_points_and_no_photograph_of_a_view(scene
     assert not metrics["not_scored"], metrics["not_scored"]
     assert metrics["arms"][GENFUSION]["backend"].startswith("GenFusion (epoch=59-step=34000.ckpt), weights ")
     made = ExternalViews.load(scene.path / ARMS[GENFUSION].views)
-    for view in frozen_views(scene, frozen):
+    for view in frozen_views(scene, frozen).views:
         camera = view.camera
         v, u = np.mgrid[: camera.height, : camera.width] + 0.5
         blue = np.full(camera.shape, camera.centre @ (0.3, 0.2, 0.1))
@@ -145,7 +145,7 @@ def test_genfusion_is_given_cameras_and_points_and_no_photograph_of_a_view(scene
 
 
 def test_what_was_shown_is_asked_again_only_where_something_changed(scene, frozen, with_genfusion, monkeypatch):
-    views = frozen_views(scene, frozen)
+    views = frozen_views(scene, frozen).views
     first = external_views.external_views(scene, GENFUSION, views, exposures_of(scene))
     monkeypatch.setattr(external_views, "ask", None)  # whoever asks now fails
     again = external_views.external_views(scene, GENFUSION, views, exposures_of(scene))
@@ -165,7 +165,7 @@ def test_a_method_that_breaks_costs_its_own_arm_alone_and_is_told_with_its_last_
 def test_weights_that_are_not_there_are_named(scene, frozen, with_difix3d, with_genfusion):
     (with_difix3d / "huggingface_hub" / "weights.bin").unlink()
     (with_genfusion / genfusion.FOLDER / genfusion.CHECKPOINT).unlink()
-    views = frozen_views(scene, frozen)
+    views = frozen_views(scene, frozen).views
     arm_scores.train_arms(scene, ProgressRecorder(), (GAUSSGYM,))
     with pytest.raises(MachineError, match="nvidia/difix_ref"):
         external_views.external_views(scene, DIFIX3D_PLUS, views, exposures_of(scene))
@@ -185,7 +185,7 @@ def test_pictures_of_another_size_are_refused(scene, frozen, with_genfusion):
     render = with_genfusion / genfusion.FOLDER / "render.py"
     render.write_text(render.read_text().replace(".save(shown / name)", '.save(shown / ("x" + name))'))
     with pytest.raises(NativeError):
-        views = frozen_views(scene, frozen)
+        views = frozen_views(scene, frozen).views
         external_views.external_views(scene, GENFUSION, views, exposures_of(scene))
 
 
