@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cameras_file import save_cameras_json
-from scipy.spatial.transform import Rotation
+from disturbed_poses import with_disturbed_poses
 
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.held_out_poses import adjusted_views
@@ -21,7 +21,6 @@ from r2sego_blender.evaluation.frozen_views import frozen_views
 from r2sego_blender.refine.creation import create_scene
 
 SETTINGS = CaptureSettings(max_features=1500)
-TURN_DEG, MOVE_M = 0.3, 0.01
 
 
 @pytest.fixture(scope="module")
@@ -38,15 +37,7 @@ def views(room, room_cameras, tmp_path_factory):
 
 
 def _disturbed(captures, seed):
-    rng = np.random.default_rng(seed)
-    disturbed = []
-    for capture in captures:
-        direction, axis = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
-        pose = capture.camera.world_from_camera.copy()
-        pose[:3, :3] = Rotation.from_rotvec(np.radians(TURN_DEG) * axis).as_matrix() @ pose[:3, :3]
-        pose[:3, 3] += MOVE_M * direction
-        disturbed.append(replace(capture, camera=capture.camera.at(pose)))
-    return disturbed
+    return with_disturbed_poses(captures, np.random.default_rng(seed))
 
 
 def _off(views, true):

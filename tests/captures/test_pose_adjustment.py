@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cameras_file import save_cameras_json
+from disturbed_poses import TURN_DEG, with_disturbed_poses
 from scipy.spatial.transform import Rotation
 
 from r2sego_blender.captures.capture import Capture
@@ -27,23 +28,10 @@ from tools.benchmarks.truth.disturbance import disturbed_captures
 DEMO = Path(__file__).parents[2] / "demo/room"
 
 SETTINGS = CaptureSettings(max_features=1500)
-TURN_DEG, MOVE_M = 0.3, 0.01
 
 
 def _imported(captures, **told) -> Imported:
     return Imported(tuple(captures), "somebody's poses", **({"metric": True} | told))
-
-
-def _disturbed(captures, rng):
-    """Each capture moved by a centimetre and turned by 0.3 degrees in directions of their own."""
-    disturbed = []
-    for capture in captures:
-        direction, axis = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
-        pose = capture.camera.world_from_camera.copy()
-        pose[:3, :3] = Rotation.from_rotvec(np.radians(TURN_DEG) * axis).as_matrix() @ pose[:3, :3]
-        pose[:3, 3] += MOVE_M * direction
-        disturbed.append(replace(capture, camera=capture.camera.at(pose)))
-    return disturbed
 
 
 def _turns_deg(captures, others) -> np.ndarray:
@@ -66,7 +54,7 @@ def grey(tmp_path) -> Path:
 
 @pytest.fixture(scope="module")
 def disturbed(room_captures):
-    return _disturbed(room_captures, np.random.default_rng(5))
+    return with_disturbed_poses(room_captures, np.random.default_rng(5))
 
 
 @pytest.fixture(scope="module")
