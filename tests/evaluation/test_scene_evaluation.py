@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from cameras_file import save_cameras_json
 from progress_recorder import ProgressRecorder
-from small_bundle import bundle, photographs, splats
+from small_bundle import bundle, camera, photographs, splats
 
 from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.captures.store import load_captures
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import SceneError
-from r2sego_blender.evaluation import arm_scores, scene_evaluation, scene_report
+from r2sego_blender.evaluation import arm_scores, frozen_views, scene_evaluation, scene_report
 from r2sego_blender.evaluation.arms import ARMS, GAUSSGYM, INITIAL, REFINED, SAME_POINTS, VANILLA, WITHOUT_GENERATED
 from r2sego_blender.evaluation.frozen_pictures import FROZEN_PICTURES
 from r2sego_blender.evaluation.frozen_views import seen_in_training
@@ -84,6 +85,22 @@ def test_rounds_and_causes_are_in_the_file_the_page_and_the_table(evaluated):
     table = scene_evaluation.table(metrics)
     assert mark in table and "told by the proxy alone" in table
     assert table.index("round 0") < table.index("round 1") < table.index("mean over 3 frozen views")
+
+
+def test_poses_that_were_refined_are_told_in_the_file_the_page_and_the_table_and_scored_there(evaluated, monkeypatch):
+    scene, frozen = evaluated
+    as_given = scene_evaluation.evaluate_scene(scene, frozen)
+    assert as_given["frozen_poses"] == "" and "their poses" not in scene_evaluation.table(as_given)
+    told = "poses refined from 1234 tracks"
+
+    def aside(views, captures, settings, progress):
+        return tuple(replace(view, camera=camera(3.0)) for view in views), told
+
+    monkeypatch.setattr(frozen_views, "adjusted_views", aside)
+    metrics = scene_evaluation.evaluate_scene(scene, frozen)
+    assert metrics["frozen_poses"] == told and told in scene_evaluation.table(metrics)
+    assert told in (scene.report_folder / "index.html").read_text(encoding="utf-8")
+    assert metrics["arms"]["refined"]["psnr"] < as_given["arms"]["refined"]["psnr"] - 1.0  # the splats end before it
 
 
 def test_the_scores_say_of_which_assets_they_are(evaluated):
