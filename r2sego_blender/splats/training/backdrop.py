@@ -5,13 +5,16 @@ is black. The backdrop is a closed shell around the captures instead: in each di
 stands where the farthest thing was seen, and where nothing was seen it continues the
 directions around it, in distance and in colour, those at its own height first: a wall goes
 on as the walls beside it, not as the floor below. There its Gaussians lie along it, so it
-is closed from wherever a robot goes, not from its centre alone. It is a guess, never geometry:
-the asset deficit, the proxy and the collision surface are made without it.
+is closed from wherever a robot goes, not from its centre alone. It stands behind all that the captures
+see, as these see it and from places in the room: splats are drawn by their depth, and before a surface
+it would be fog. It is a guess, never geometry: the asset deficit, the proxy and the collision surface
+are made without it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -35,6 +38,8 @@ _PLANE_NEIGHBOURS = 7  # directions, itself among them, whose plane a Gaussian l
 _PLANE_WITHIN = 0.2  # of the distance, which they may be off it
 _LARGEST_REACH_PX = 60.0
 _SEEN_THROUGH = 0.97  # a capture whose depth is this much larger saw through
+_ROWS, _COLUMNS = 64, 128  # of a panorama: cells of three degrees
+_MOST_POINTS, _MOST_PLACES = 200_000, 100  # that panoramas are made of
 
 
 def backdrop(views: Sequence[DepthView], directions: int) -> SplatAsset:
@@ -42,8 +47,8 @@ def backdrop(views: Sequence[DepthView], directions: int) -> SplatAsset:
 
     ``views`` are captures with depth for as many pixels as possible; their masks and
     strides do not matter. Empty when no view has any depth or ``directions`` is 0. No
-    Gaussian stands before a surface that a view shows: it is moved outwards until it does
-    not, or left out.
+    Gaussian stands before a surface that a view shows, from there or from other places in the
+    room: it is moved outwards until it does not, or left out.
     """
     centre = np.median([view.camera.centre for view in views], axis=0) if views else np.zeros(3)
     points, colours = _seen(views)
@@ -55,7 +60,8 @@ def backdrop(views: Sequence[DepthView], directions: int) -> SplatAsset:
         filled = _interpolated(around, known, np.column_stack([np.log(distance_m), colour]))
         distance_m, colour = np.exp(filled[:, 0]), filled[:, 1:]
     spacing = np.sqrt(4.0 * np.pi / directions)
-    distance_m = _behind_what_is_seen(centre, around, _CLEARANCE * distance_m, _SIGMA * spacing, views)
+    panoramas = _panoramas(views, points)
+    distance_m = _behind_what_is_seen(centre, around, _CLEARANCE * distance_m, _SIGMA * spacing, views, panoramas)
     kept = np.isfinite(distance_m)
     around, distance_m, known = around[kept], distance_m[kept], known[kept]
     means = centre + around * distance_m[:, None]
@@ -64,7 +70,7 @@ def backdrop(views: Sequence[DepthView], directions: int) -> SplatAsset:
     # Before a surface that the asset has a long one is a haze: splats are sorted by their centres.
     lengths[known] = 1.0
     long = np.flatnonzero(~known)
-    lengths[long[_reach_over(means[long], axes[long], (sigma_m * lengths)[long], views)]] = 1.0
+    lengths[long[_reach_over(means[long], axes[long], (sigma_m * lengths)[long], views, panoramas)]] = 1.0
     return gaussians(
         means=means,
         sigmas_m=sigma_m * lengths,
@@ -130,10 +136,71 @@ def _interpolated(around: np.ndarray, known: np.ndarray, values: np.ndarray) -> 
     return filled
 
 
+@dataclass(frozen=True)
+class _Panorama:
+    """What the captures see, from one place all around: ``distance_m`` (rows, columns) of the nearest point in each
+    direction, 0 where there is none."""
+
+    place: np.ndarray
+    distance_m: np.ndarray
+
+    @staticmethod
+    def of(place: np.ndarray, points: np.ndarray) -> _Panorama:
+        """That of world points (P, 3)."""
+        cell, distance_m = _cells(points - place)
+        nearest_m = np.full(_ROWS * _COLUMNS, np.inf)
+        np.minimum.at(nearest_m, cell, distance_m)
+        return _Panorama(place, np.where(np.isfinite(nearest_m), nearest_m, 0.0))
+
+    def stand_before(self, points: np.ndarray) -> np.ndarray:
+        """(n,) bool: which of the points (n, 3) hide one that is seen there."""
+        cell, distance_m = _cells(points - self.place)
+        return distance_m < _SEEN_THROUGH * self.distance_m[cell]
+
+    def covered_by(self, means: np.ndarray, sigma_m: np.ndarray) -> np.ndarray:
+        """(n,) bool: which round Gaussians hide what is seen there."""
+        offset = means - self.place
+        across = np.stack([-offset[:, 1], offset[:, 0], np.zeros(len(offset))], axis=1)
+        across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
+        along = np.cross(offset, across)
+        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+        reach_m = _REACH * sigma_m[:, None]
+        return np.any(
+            [self.stand_before(means + reach_m * way) for way in (0.0 * across, across, -across, along, -along)], axis=0
+        )
+
+
+def _cells(offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The cell (n,) of a panorama in which each of the ``offsets`` (n, 3) lies, and its length (n,)."""
+    length = np.maximum(np.linalg.norm(offsets, axis=1), 1e-9)
+    turn = np.arctan2(offsets[:, 1], offsets[:, 0]) / (2.0 * np.pi) + 0.5
+    height = np.arccos(np.clip(offsets[:, 2] / length, -1.0, 1.0)) / np.pi
+    row = np.minimum((height * _ROWS).astype(np.int64), _ROWS - 1)
+    return row * _COLUMNS + np.minimum((turn * _COLUMNS).astype(np.int64), _COLUMNS - 1), length
+
+
+def _panoramas(views: Sequence[DepthView], points: np.ndarray) -> list[_Panorama]:
+    """Of world points (P, 3) that the views show, from where these stand and from half-way to what they show:
+    places of which they tell that they are free."""
+    places = []
+    for view in views:
+        places.append(view.camera.centre)
+        rows, columns = ((size // 4, 3 * size // 4) for size in view.camera.shape)
+        shown = view.camera.unproject(view.depth)[np.ix_(rows, columns)].reshape(-1, 3)
+        places += [(view.camera.centre + point) / 2.0 for point in shown[view.depth[np.ix_(rows, columns)].ravel() > 0]]
+    few = points[:: -(-len(points) // _MOST_POINTS)]
+    return [_Panorama.of(place, few) for place in places[:: -(-len(places) // _MOST_PLACES)]]
+
+
 def _behind_what_is_seen(
-    centre: np.ndarray, around: np.ndarray, distance_m: np.ndarray, sigma: float, views: Sequence[DepthView]
+    centre: np.ndarray,
+    around: np.ndarray,
+    distance_m: np.ndarray,
+    sigma: float,
+    views: Sequence[DepthView],
+    panoramas: Sequence[_Panorama],
 ) -> np.ndarray:
-    """The distances (D,), grown until no view sees a surface behind them; infinite if never."""
+    """The distances (D,), grown until neither views nor panoramas see a surface behind them; infinite if never."""
     grown = distance_m.copy()
     open_ = np.arange(len(grown))
     while len(open_):
@@ -142,6 +209,8 @@ def _behind_what_is_seen(
         covers = np.zeros(len(open_), bool)
         for view in views:
             covers |= _covers(means, sigma_m, view)
+        for panorama in panoramas:
+            covers[~covers] = panorama.covered_by(means[~covers], sigma_m[~covers])
         open_ = open_[covers]
         grown[open_] *= _GROWTH
         grown[open_[grown[open_] > _LARGEST_GROWTH * distance_m[open_]]] = np.inf
@@ -169,14 +238,22 @@ def _along_the_shell(around: np.ndarray, distance_m: np.ndarray) -> tuple[np.nda
     return axes, lengths
 
 
-def _reach_over(means: np.ndarray, axes: np.ndarray, sigmas_m: np.ndarray, views: Sequence[DepthView]) -> np.ndarray:
-    """(n,) bool: which Gaussians hide a surface that a view shows anywhere along their two longer axes."""
+def _reach_over(
+    means: np.ndarray,
+    axes: np.ndarray,
+    sigmas_m: np.ndarray,
+    views: Sequence[DepthView],
+    panoramas: Sequence[_Panorama],
+) -> np.ndarray:
+    """(n,) bool: which Gaussians hide a surface that is seen anywhere along their two longer axes."""
     reaching = np.zeros(len(means), bool)
     for axis in (0, 1):
         for sigmas in np.linspace(-_REACH, _REACH, 9):
             points = means + sigmas * sigmas_m[:, axis, None] * axes[:, :, axis]
             for view in views:
                 reaching |= _stand_before(*view.camera.project(points), view)
+            for panorama in panoramas:
+                reaching |= panorama.stand_before(points)
     return reaching
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.splats.rendering.rasterizer import render
@@ -51,7 +54,7 @@ def test_it_stands_just_behind_the_walls_that_were_seen(views):
         pixels, depth = view.camera.project(asset.means)
         inside |= view.camera.sees(pixels, depth, margin_px=6.0)
     assert inside.sum() > 300
-    assert np.median(distance[inside] / wall[inside]) == pytest.approx(1.03, abs=0.03)
+    assert 1.03 <= np.median(distance[inside] / wall[inside]) < 1.12
     assert (distance[inside] / wall[inside] < 1.4).mean() > 0.95
 
 
@@ -62,6 +65,27 @@ def test_it_never_hides_a_surface_that_a_view_shows(views):
         inside = view.camera.sees(pixels, depth)
         column, row = pixels[inside].astype(int).T
         assert (depth[inside] >= 0.969 * view.depth[row, column]).all()
+
+
+def _hides(asset, place, shown) -> np.ndarray:
+    """(n,) bool: which Gaussians stand in the line from a place to any of the points (P, 3) that are shown."""
+    to_shown, to_asset = shown - place, asset.means - place
+    far_m, near_m = np.linalg.norm(to_shown, axis=1), np.linalg.norm(to_asset, axis=1)
+    apart = cKDTree(to_shown / far_m[:, None]).query(to_asset / near_m[:, None])
+    return (apart[0] < 0.02) & (near_m < 0.95 * far_m[apart[1]])
+
+
+def test_nor_from_other_places_in_the_room(views):
+    """Half-way to what the views show: the floor that one sees far away lies before the guess beneath another."""
+    table = room_view((0.9, 0.2, 1.5), (0.95, 0.25, 0.0))
+    table = replace(table, depth=np.full_like(table.depth, 0.5))  # at its own place it is near, all around guessed
+    seen = [*views, table]
+    asset = backdrop(seen, COUNT)
+    shown = np.concatenate([view.camera.unproject(view.depth)[::3, ::3].reshape(-1, 3) for view in seen])
+    for view in views:
+        for row, column in ((18, 24), (18, 72), (54, 24), (54, 72)):
+            place = (view.camera.centre + view.camera.unproject(view.depth)[row, column]) / 2.0
+            assert _hides(asset, place, shown).mean() < 0.0005
 
 
 def test_a_near_thing_in_the_middle_does_not_pull_it_forward(views):
