@@ -18,6 +18,7 @@ import numpy as np
 
 from r2sego_blender.bundle.layout import of_round
 from r2sego_blender.bundle.scene import Scene
+from r2sego_blender.captures.frozen import load_frozen_views
 from r2sego_blender.captures.poses.cameras_json import read_cameras_json
 from r2sego_blender.captures.store import CAPTURES
 from r2sego_blender.config.presets import with_overrides
@@ -26,7 +27,6 @@ from r2sego_blender.core.json_files import rounded
 from r2sego_blender.core.progress import SILENT, Progress
 from r2sego_blender.evaluation import round_scores
 from r2sego_blender.evaluation.arms import ARMS, DEFAULT_ARMS, REFINED, strongest_baseline
-from r2sego_blender.evaluation.frozen_views import frozen_views
 from r2sego_blender.evaluation.ground_truth import load_ground_truth
 from r2sego_blender.evaluation.scene_evaluation import evaluate_scene
 from r2sego_blender.generation.view_records import read_views
@@ -74,7 +74,7 @@ def bench_refinement(
                 made = made.declare(preset=preset, overrides=changes)
             else:
                 made = made.declare(overrides={**made.declaration.overrides, **changes})
-            frozen = len(frozen_views(made, cameras).views)  # before an hour's work: are they there?
+            frozen = len(load_frozen_views(cameras))  # before an hour's work: are they there?
             if library is not None and truth is not None:
                 # masks and meshes are the same in every call, so that nothing is made twice
                 rng = np.random.default_rng([made.declaration.settings.seed, _LIBRARY])
