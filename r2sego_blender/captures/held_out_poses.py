@@ -9,20 +9,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from ..config.settings import CaptureSettings
 from ..core.cameras import Camera
 from ..core.errors import CaptureError
 from ..core.progress import SILENT, Progress
 from .capture import Capture
-from .matching.overlap import Pairs, confirming, match_all, near_pairs
-from .pose_adjustment import band_px, clearly_lower, told_of
-from .solving.bundle_adjustment import adjusted, reprojection_errors
-from .sparse import Detected, detect, triangulate_matches
+from .matching.overlap import Pairs, match_all, near_pairs
+from .pose_adjustment import Adjustment, tracks_near
+from .sparse import Detected, detect
 
-# The captures' poses were adjusted on import: here they stay.
-_OF_CAPTURES = 1e-3
 # Poses that matches agree with to so much are as good as refined ones: no picture shows the difference.
 _EXACT_PX = 0.25
 
@@ -40,29 +35,19 @@ def adjusted_views(
     """
     if settings.refine_poses == "never":
         return tuple(views), ""
-    first = len(captures)
     cameras: list[Camera] = [one.camera for one in (*captures, *views)]
     detected = detect([*captures, *views], settings, progress)
     try:
-        matches = _matches(cameras, first, detected, settings, progress)
-        off_px = band_px(cameras, settings)
-        pairs = confirming(matches, detected.features, cameras, off_px, settings)
-        sparse = triangulate_matches(cameras, detected, pairs, off_px, settings, progress)
+        matches = _matches(cameras, len(captures), detected, settings, progress)
+        sparse = tracks_near(cameras, detected, matches, settings, progress)
     except CaptureError:  # they share too little
         return tuple(views), ""
-    free = np.where(np.arange(len(cameras)) < first, _OF_CAPTURES, 1.0)
-    sigmas = settings.pose_sigma_m * free, np.radians(settings.pose_sigma_deg) * free
-    found, points = adjusted(cameras, sparse.points, sparse.pixels, *sigmas)
-    given, better, pixels = cameras[first:], found[first:], sparse.pixels[:, first:]
-    measured = np.isfinite(pixels[..., 0])
-    if not measured.any():
+    adjustment = Adjustment.of(cameras, sparse, settings, fixed=len(captures))
+    kept = adjustment.before_px < _EXACT_PX or not adjustment.clearly_better
+    if not adjustment.tracks or (settings.refine_poses == "auto" and kept):
         return tuple(views), ""
-    before_px = float(np.median(reprojection_errors(given, sparse.points, pixels)))
-    after_px = float(np.median(reprojection_errors(better, points, pixels)))
-    if settings.refine_poses == "auto" and (before_px < _EXACT_PX or not clearly_lower(after_px, before_px)):
-        return tuple(views), ""
-    told = told_of(int(measured.any(axis=1).sum()), given, better, 1.0, before_px, after_px)
-    return tuple(replace(view, camera=at) for view, at in zip(views, better, strict=True)), told
+    moved = (replace(view, camera=at) for view, at in zip(views, adjustment.cameras, strict=True))
+    return tuple(moved), adjustment.told()
 
 
 def _matches(

@@ -6,7 +6,7 @@ A third of a degree is two pixels: enough to take dense stereo off its epipolar 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,6 +26,8 @@ _BAND_SIGMAS = 2.0
 # Share of the median reprojection error that the refined poses may leave of the given ones':
 # where the given poses were right their own freedom takes a tenth of it.
 _CLEARLY_LOWER = 0.75
+# Share of the given poses' standard deviations that those have which stay where they are.
+_FIXED = 1e-3
 
 
 def triangulate_refined(
@@ -89,9 +91,7 @@ def _refined(
 ) -> tuple[Sequence[Camera], str]:
     """The cameras and what was done to them in words, which are none when nothing was."""
     given = [capture.camera for capture in imported.captures]
-    off_px = band_px(given, settings)
-    pairs = confirming(plain, detected.features, given, off_px, settings)
-    sparse = triangulate_matches(given, detected, pairs, off_px, settings, progress)
+    sparse = tracks_near(given, detected, plain, settings, progress)
     tracks = len(sparse.points)
     if tracks < settings.min_matches * (len(given) - 1):
         progress.message(
@@ -101,18 +101,76 @@ def _refined(
         )
         return given, ""
     unit_m = 1.0 if imported.metric else USUAL_DEPTH_M / usual_depth(imported.captures, sparse)
-    cameras, points = adjusted(
-        given, sparse.points, sparse.pixels, settings.pose_sigma_m / unit_m, np.radians(settings.pose_sigma_deg)
-    )
-    before_px = float(np.median(reprojection_errors(given, sparse.points, sparse.pixels)))
-    after_px = float(np.median(reprojection_errors(cameras, points, sparse.pixels)))
-    if settings.refine_poses == "auto" and not clearly_lower(after_px, before_px):
+    adjustment = Adjustment.of(given, sparse, settings, unit_m)
+    if settings.refine_poses == "auto" and not adjustment.clearly_better:
         progress.message(
-            f"the given poses are kept: {tracks} tracks agree with them to {before_px:.2f} px, and to "
-            f"{after_px:.2f} px with refined ones"
+            f"the given poses are kept: {tracks} tracks agree with them to {adjustment.before_px:.2f} px, and to "
+            f"{adjustment.after_px:.2f} px with refined ones"
         )
         return given, ""
-    return cameras, told_of(tracks, given, cameras, unit_m, before_px, after_px)
+    return adjustment.cameras, adjustment.told()
+
+
+def tracks_near(
+    given: Sequence[Camera], detected: Detected, matches: Pairs, settings: CaptureSettings, progress: Progress
+) -> SparsePoints:
+    """The tracks of ``matches`` that poses as uncertain as given ones do not rule out, triangulated with these.
+
+    Raises NoOverlapError where there are none.
+    """
+    off_px = band_px(given, settings)
+    pairs = confirming(matches, detected.features, given, off_px, settings)
+    return triangulate_matches(given, detected, pairs, off_px, settings, progress)
+
+
+@dataclass(frozen=True, eq=False)
+class Adjustment:
+    """Given cameras, the same at the poses that their tracks and given poses fit best, and what that changed.
+
+    Of those that may move alone: ``tracks`` is how many they measured, ``before_px`` and ``after_px`` are the median
+    reprojection errors, NaN where they measured none. ``unit_m`` is the poses' unit of length.
+    """
+
+    given: Sequence[Camera]
+    cameras: Sequence[Camera]
+    unit_m: float
+    tracks: int
+    before_px: float
+    after_px: float
+
+    @staticmethod
+    def of(
+        cameras: Sequence[Camera], sparse: SparsePoints, settings: CaptureSettings, unit_m: float = 1.0, fixed: int = 0
+    ) -> Adjustment:
+        """Of ``cameras`` whose tracks are ``sparse``; the first ``fixed`` stay where they are."""
+        free = np.where(np.arange(len(cameras)) < fixed, _FIXED, 1.0)
+        sigmas = settings.pose_sigma_m / unit_m * free, np.radians(settings.pose_sigma_deg) * free
+        found, points = adjusted(cameras, sparse.points, sparse.pixels, *sigmas)
+        given, better, pixels = cameras[fixed:], found[fixed:], sparse.pixels[:, fixed:]
+        tracks = int(np.isfinite(pixels[..., 0]).any(axis=1).sum())
+        before_px, after_px = (
+            float(np.median(reprojection_errors(at, where, pixels))) if tracks else np.nan
+            for at, where in ((given, sparse.points), (better, points))
+        )
+        return Adjustment(given, better, unit_m, tracks, before_px, after_px)
+
+    @property
+    def clearly_better(self) -> bool:
+        """Whether the median reprojection error fell by more than right poses' own freedom takes of it."""
+        return self.after_px <= _CLEARLY_LOWER * self.before_px
+
+    def told(self) -> str:
+        """What was done to the poses, in words."""
+        moved_cm = 100.0 * self.unit_m * np.linalg.norm(_centres(self.cameras) - _centres(self.given), axis=1)
+        turned_deg = [
+            np.degrees(rotation_angle_rad(a.world_from_camera, b.world_from_camera))
+            for a, b in zip(self.given, self.cameras, strict=True)
+        ]
+        return (
+            f"poses refined from {self.tracks} tracks: moved by {moved_cm.mean():.1f} cm and "
+            f"{np.mean(turned_deg):.2f} deg, at most {moved_cm.max():.1f} and {max(turned_deg):.2f}; "
+            f"reprojection {self.before_px:.2f} -> {self.after_px:.2f} px"
+        )
 
 
 def band_px(cameras: Sequence[Camera], settings: CaptureSettings) -> float:
@@ -122,23 +180,5 @@ def band_px(cameras: Sequence[Camera], settings: CaptureSettings) -> float:
     return settings.max_error_px + _BAND_SIGMAS * deviation_px
 
 
-def clearly_lower(after_px: float, before_px: float) -> bool:
-    """Whether a median reprojection error fell by more than right poses' own freedom takes of it."""
-    return after_px <= _CLEARLY_LOWER * before_px
-
-
-def told_of(
-    tracks: int, given: Sequence[Camera], cameras: Sequence[Camera], unit_m: float, before_px: float, after_px: float
-) -> str:
-    """Poses that were refined, in words; ``unit_m`` is the cameras' unit of length."""
-    centres_m = [unit_m * np.array([camera.centre for camera in some]) for some in (given, cameras)]
-    moved_cm = 100.0 * np.linalg.norm(centres_m[1] - centres_m[0], axis=1)
-    turned_deg = [
-        np.degrees(rotation_angle_rad(a.world_from_camera, b.world_from_camera))
-        for a, b in zip(given, cameras, strict=True)
-    ]
-    return (
-        f"poses refined from {tracks} tracks: moved by {moved_cm.mean():.1f} cm and "
-        f"{np.mean(turned_deg):.2f} deg, at most {moved_cm.max():.1f} and {max(turned_deg):.2f}; "
-        f"reprojection {before_px:.2f} -> {after_px:.2f} px"
-    )
+def _centres(cameras: Sequence[Camera]) -> np.ndarray:
+    return np.array([camera.centre for camera in cameras])
