@@ -17,7 +17,7 @@ _, ZIP, BUNDLE, ENGINE, NAME = sys.argv[sys.argv.index("--") + 1 :]
 VIEW_ANGLES_RAD = (0.85, 0.0, -0.45)
 VIEW_CENTRE_M = (2.3, 0.3, 0.6)
 VIEW_DISTANCE_M = 8.2
-WIPE_ROUND, WIPE_CAMERA, WIPE = 0, "Target 05", 0.5
+WIPE_ROUND, WIPE = 0, 0.5
 ROLLOUT_SHARE = 0.4
 CAMERA_ZOOM = 6.0
 SETTLED_S = 1.0
@@ -56,11 +56,13 @@ def wipe():
     """A robot's view: the initial asset on the left of the divider, the refined one on the right."""
     bpy.context.scene.r2sego.round_index = WIPE_ROUND
     bpy.ops.r2sego.show_candidates(shown="TARGETS")
-    bpy.context.view_layer.objects.active = bpy.data.objects[WIPE_CAMERA]
+    targets = [camera for camera in bpy.data.objects if camera.type == "CAMERA" and "u" in camera]
+    target = min(targets, key=lambda camera: camera["u"])  # of which the initial asset knows most
+    bpy.context.view_layer.objects.active = target
     bpy.ops.r2sego.look_through()
     bpy.context.space_data.region_3d.view_camera_zoom = CAMERA_ZOOM
     for stage, place in (("initial", "LEFT"), ("final", "RIGHT")):
-        bpy.ops.r2sego.render_asset(camera=WIPE_CAMERA, stage=stage, place=place)
+        bpy.ops.r2sego.render_asset(camera=target.name, stage=stage, place=place)
         yield 0.5
         while bpy.context.window_manager.r2sego_job.running:
             yield 0.5
