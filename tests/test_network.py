@@ -37,7 +37,7 @@ def test_a_demo_reaches_for_nothing_beyond_this_machine(scene, tmp_path):
     for step in (
         ["new", scene, "--captures", ROOM / "captures", "--poses", cameras],
         ["refine", scene, "--preset", "preview", *few],
-        ["evaluate", scene, "--frozen", cameras, "--arms", "same_points"],
+        ["evaluate", scene, "--frozen", cameras],
         ["export", scene, "--to", tmp_path / "out", "--textured"],
         ["doctor"],
     ):
