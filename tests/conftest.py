@@ -1,5 +1,6 @@
 """Lets every test choose numba's threads and take its time, and gives a small bundle to those that ask."""
 
+import os
 import signal
 import tempfile
 
@@ -7,6 +8,10 @@ import dead_workers
 import own_process
 import pytest
 from hypothesis import settings
+
+from r2sego_blender.core.threads import BLAS_VARIABLE
+
+os.environ.setdefault(BLAS_VARIABLE, "1")  # as of commands; NumPy is not loaded yet
 
 settings.register_profile("busy machines", deadline=None)
 settings.load_profile("busy machines")

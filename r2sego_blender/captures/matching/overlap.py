@@ -13,6 +13,7 @@ from ...config.settings import CaptureSettings
 from ...core.cameras import Camera
 from ...core.errors import CaptureError, NoOverlapError
 from ...core.progress import Progress
+from ...core.threads import in_threads
 from ..colmap import load_pycolmap
 from .features import Features, epipolar_errors, match, match_along_epipolar_lines
 from .neighbours import neighbours
@@ -65,13 +66,14 @@ def match_all(
     among: Sequence[tuple[int, int]] | None = None,
 ) -> Pairs:
     """Mutual ratio-test matches of every pair, or every one ``among``, that has ``min_matches`` of them."""
-    pairs: Pairs = {}
     indices = list(combinations(range(len(features)), 2)) if among is None else among
-    for i, j in progress.track(indices, title):
-        matches = match(features[i].descriptors, features[j].descriptors, settings.match_ratio)
-        if len(matches) >= settings.min_matches:
-            pairs[i, j] = matches
-    return pairs
+
+    def matched(pair: tuple[int, int]) -> np.ndarray:
+        a, b = (features[index].descriptors for index in pair)
+        return match(a, b, settings.match_ratio)
+
+    found = zip(indices, in_threads(matched, indices, progress, title), strict=True)
+    return {pair: matches for pair, matches in found if len(matches) >= settings.min_matches}
 
 
 def near_pairs(cameras: Sequence[Camera]) -> list[tuple[int, int]]:
@@ -138,14 +140,17 @@ def match_guided(
     Captures that overlap with none are named in a warning, those apart whose poses contradict many of the
     ``plain`` matches.
     """
-    pairs: Pairs = {}
-    for (i, j), matches in progress.track(overlapping.items(), "Matching captures"):
+
+    def guided(pair: tuple[int, int]) -> np.ndarray:
+        (i, j), matches = pair, overlapping[pair]
         a, b = features[i], features[j]
-        guided = match_along_epipolar_lines(a, b, cameras[i], cameras[j], settings.max_error_px, settings.match_ratio)
-        difference = a.descriptors[guided[:, 0]].astype(np.float32) - b.descriptors[guided[:, 1]]
+        found = match_along_epipolar_lines(a, b, cameras[i], cameras[j], settings.max_error_px, settings.match_ratio)
+        difference = a.descriptors[found[:, 0]].astype(np.float32) - b.descriptors[found[:, 1]]
         near = np.einsum("ij,ij->i", difference, difference) <= _LARGEST_DESCRIPTOR_DISTANCE**2
         beyond = matches[matches[:, 0] >= len(a.descriptors)]
-        pairs[i, j] = np.concatenate([guided[near], beyond])
+        return np.concatenate([found[near], beyond])
+
+    pairs = dict(zip(overlapping, in_threads(guided, overlapping, progress, "Matching captures"), strict=True))
     alone = sorted(set(range(len(names))) - {index for pair in pairs for index in pair})
     contradicting = {
         index: most
