@@ -7,6 +7,7 @@ A model is a list of images as JSON: ``index`` of the photograph, ``camera`` (``
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,6 +16,7 @@ import numpy as np
 
 from ...core.cameras import Camera
 from ...core.errors import CaptureError
+from ...core.resources import available_cores
 from ..colmap import load_pycolmap
 from ..matching.features import Features, epipolar_errors
 from ..matching.overlap import Matched, load_matches, write_database
@@ -66,6 +68,7 @@ One registered to a wrong place contradicts most of its matches: of a right one 
 (the rest are wrong matches), of a wrong one 15 %.
 """
 
+_DATABASE = "database.db"
 AGREEMENT_PX = 4.0
 """By which a match may lie off its epipolar lines and agree with a model, at the size at which it is solved."""
 
@@ -100,7 +103,9 @@ def map_in_child(request: dict[str, Any]) -> dict[str, Any]:
     determined = True
     if request["compare"] and not known and best.registered == most:
         start = starting_cameras(request["paths"], request["sizes"], _OTHER_FOCAL_GUESS)
-        other = _mapped(folder / "other", start if share_lens else cameras_of_their_own(*start), matched, min_matches)
+        lenses = start if share_lens else cameras_of_their_own(*start)
+        verified = folder / ("shared" if share_lens else "own")
+        other = _mapped(folder / "other", lenses, matched, min_matches, verified=verified)
         off = abs(np.log(other.relative_focal / best.relative_focal)) if other.registered == most else np.inf
         determined = bool(off <= _SAME_FOCAL)
     return {"models": best.models, "determined": determined}
@@ -147,10 +152,19 @@ def _photographs_with_matches(matched: Matched) -> int:
 
 
 def _mapped(
-    folder: Path, lenses: tuple[list[Any], list[int]], matched: Matched, min_matches: int, held: bool = False
+    folder: Path,
+    lenses: tuple[list[Any], list[int]],
+    matched: Matched,
+    min_matches: int,
+    held: bool = False,
+    verified: Path | None = None,
 ) -> _Mapped:
-    """The models of the try that registers most photographs; ``held`` lenses stay as they are."""
-    database, index_of = _verified(folder, lenses, matched, min_matches)
+    """The models of the try that registers most photographs; ``held`` lenses stay as they are.
+
+    ``verified`` is the folder of an earlier one whose lenses differed by guessed focal lengths alone, of which the
+    geometry of a pair knows nothing.
+    """
+    database, index_of = _verified(folder, lenses, matched, min_matches, verified)
     _require_depth(database, len(matched.features))
     best = _Mapped([])
     most = _photographs_with_matches(matched)
@@ -200,20 +214,30 @@ def _mapped_globally(
 
 
 def _verified(
-    folder: Path, lenses: tuple[list[Any], list[int]], matched: Matched, min_matches: int
+    folder: Path, lenses: tuple[list[Any], list[int]], matched: Matched, min_matches: int, before: Path | None = None
 ) -> tuple[Path, dict[int, int]]:
-    """A database in a new folder with the geometry of each pair; and the photographs by COLMAP's number."""
+    """A database in a new folder with the geometry of each pair, made anew or as in the folder ``before``; and the
+    photographs by COLMAP's number."""
     pycolmap = load_pycolmap()
     folder.mkdir()
-    database = folder / "database.db"
+    database = folder / _DATABASE
+    if before is not None:
+        shutil.copyfile(before / _DATABASE, database)
+        with pycolmap.Database.open(database) as copied:
+            for known, camera in zip(copied.read_all_cameras(), lenses[0], strict=True):
+                known.params = camera.params
+                copied.update_camera(known)
+            return database, {image.image_id: int(image.name) for image in copied.read_all_images()}
     names = [f"{index:06d}" for index in range(len(matched.features))]
     ids = write_database(database, *lenses, names, *matched, verified=False)
     verification = pycolmap.TwoViewGeometryOptions(min_num_inliers=min_matches)
     verification.ransac.random_seed = 0
     pycolmap.set_random_seed(0)
     pycolmap.geometric_verification(
-        database, pycolmap.GeometricVerifierOptions(num_threads=1), two_view_geometry_options=verification
-    )
+        database,
+        pycolmap.GeometricVerifierOptions(num_threads=available_cores()),
+        two_view_geometry_options=verification,
+    )  # each pair's random numbers begin anew, on whichever thread
     return database, {image_id: index for index, image_id in enumerate(ids)}
 
 
