@@ -184,7 +184,7 @@ def _through(verdict: LensVerdict, imported: Imported, progress: Progress) -> Im
         )
         return None
     progress.message(f"lens corrected: {told}", level="warning")
-    return replace(imported, captures=captures, source=f"{imported.source}; lens corrected: {told}")
+    return imported.changed(captures, f"lens corrected: {told}")
 
 
 def _told(capture: Capture, terms: np.ndarray) -> str:
@@ -241,9 +241,9 @@ def _relocated(
             where="camera poses",
             cure="Export the poses again, or leave out --poses to have them solved here.",
         )
-    source = imported.source
+    changes = []
     if moved:
-        source += f"; located from the others: {', '.join(moved)}"
+        changes.append(f"located from the others: {', '.join(moved)}")
     if left_out:
-        source += f"; left out: {', '.join(imported.captures[index].name for index in left_out)}"
-    return replace(imported, captures=tuple(left), source=source)
+        changes.append(f"left out: {', '.join(imported.captures[index].name for index in left_out)}")
+    return imported.changed(left, *changes)

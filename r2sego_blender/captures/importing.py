@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -40,9 +41,10 @@ class Choice:
 class Imported:
     """Captures in the frame of their pose file (the capture frame).
 
-    ``source`` says in words where the poses come from; ``metric`` whether they are known
-    to be in metres, ``solved`` whether they were solved here. ``up`` (3,) is the direction up
-    where the device measured gravity, ``depth`` what its depth sensor saw, and ``masks`` how many are named.
+    ``source`` says in words where the poses come from, ``changes`` what was done to them and the lenses since;
+    ``metric`` whether they are known to be in metres, ``solved`` whether they were solved here. ``up`` (3,) is the
+    direction up where the device measured gravity, ``depth`` what its depth sensor saw, and ``masks`` how many are
+    named.
     """
 
     captures: tuple[Capture, ...]
@@ -52,6 +54,16 @@ class Imported:
     depth: SensorDepth | None = None
     solved: bool = False
     masks: int = 0
+    changes: tuple[str, ...] = ()
+
+    @property
+    def described(self) -> str:
+        """Where the poses come from and what was done to them."""
+        return "; ".join((self.source, *self.changes))
+
+    def changed(self, captures: Sequence[Capture], *what: str) -> Imported:
+        """These ``captures`` in their place, and in words ``what`` is new."""
+        return replace(self, captures=tuple(captures), changes=(*self.changes, *what))
 
 
 def import_captures(

@@ -40,7 +40,7 @@ def triangulate_refined(
     With ``refine_poses`` as "auto" the given poses are kept unless the median reprojection
     error falls below three quarters of theirs; poses that were solved here are always
     kept, and so are those of captures with too few tracks, with a warning. The frame and the
-    scale of the given poses are kept (``bundle_adjustment.adjusted``). ``source`` says what
+    scale of the given poses are kept (``bundle_adjustment.adjusted``). ``changes`` say what
     was done. Before that lenses and single photographs are judged (``given_judgement.judged``).
     Raises CaptureError as that and ``sparse.triangulate`` do.
     """
@@ -70,8 +70,7 @@ def _triangulated(imported: Imported, settings: CaptureSettings, progress: Progr
         cameras, told = _refined(imported, detected, wider, settings, progress)
         if told:
             progress.message(told)
-            captures = tuple(replace(c, camera=at) for c, at in zip(captures, cameras, strict=True))
-            imported = replace(imported, captures=captures, source=f"{imported.source}; {told}")
+            imported = imported.changed([replace(c, camera=at) for c, at in zip(captures, cameras, strict=True)], told)
     confirmed = confirming(wider, detected.features, cameras, settings.max_error_px, settings)
     pairs = match_guided(confirmed, detected.features, cameras, names, settings, progress, plain)
     sparse = triangulate_matches(cameras, detected, pairs, settings.max_error_px, settings, progress)

@@ -139,8 +139,9 @@ def _create_scene(
     in_world, sparse_in_world = registration.captures(imported.captures), registration.sparse(sparse)
     measured = _measured(in_world, sparse_in_world, scale, imported.depth, progress)
     in_world = _evened(in_world, sparse_in_world, measured, settings, progress)
+    taken = replace(imported, source=f"{imported.source}, frames of {video}") if video else imported
     declaration = Declaration(
-        captures_source=f"{imported.source}, frames of {video}" if video else imported.source,
+        captures_source=taken.described,
         captures_chosen=chosen,
         world_from_capture=tuple(map(tuple, world_from_capture.tolist())),
         ground=registration.ground,

@@ -44,7 +44,7 @@ def test_a_photograph_whose_pose_is_wrong_is_located_from_the_others(room_captur
     given = [_turned(c, 6.0) if index == 2 else c for index, c in enumerate(room_captures)]
     imported, sparse = triangulate_refined(_imported(given), SETTINGS, messages)
     assert len(messages.warnings) == 1 and "photo2.png" in messages.warnings[0]
-    assert "photo2.png" in imported.source
+    assert "photo2.png" in imported.described
     for found, right in zip(imported.captures, room_captures, strict=True):
         assert np.array_equal(found.camera.matrix, right.camera.matrix)
         assert np.linalg.norm(found.camera.centre - right.camera.centre) < 0.02
@@ -81,7 +81,7 @@ def test_a_wrong_focal_length_is_found_and_told(room_captures, messages, factor)
     imported, sparse = triangulate_refined(_imported(_lens(room_captures, fx=factor, fy=factor)), SETTINGS, messages)
     assert imported.captures[0].camera.fx == pytest.approx(300.0, rel=0.01)
     assert imported.captures[0].given_lens.fx == pytest.approx(300.0 * factor)
-    assert f"focal {300 * factor:.0f} ->" in imported.source and "focal" in messages.warnings[0]
+    assert f"focal {300 * factor:.0f} ->" in imported.described and "focal" in messages.warnings[0]
     assert np.median(sparse.error_px) < 0.5
 
 

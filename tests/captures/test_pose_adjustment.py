@@ -69,7 +69,7 @@ def test_wrong_poses_are_put_right_and_it_is_told(refined, disturbed, room_captu
     told = re.fullmatch(
         r"somebody's poses; poses refined from (\d+) tracks: moved by ([\d.]+) cm and ([\d.]+) deg, "
         r"at most ([\d.]+) and ([\d.]+); reprojection ([\d.]+) -> ([\d.]+) px",
-        imported.source,
+        imported.described,
     )
     tracks, moved_cm, turned_deg, most_cm, most_deg, before_px, after_px = map(float, told.groups())
     moves = [b.camera.centre - a.camera.centre for a, b in zip(disturbed, imported.captures, strict=True)]
@@ -102,7 +102,7 @@ def test_right_poses_are_kept_to_the_bit_unless_asked(room_captures):
     assert np.array_equal(sparse.points, plain.points)
     assert np.array_equal(sparse.pixels, plain.pixels, equal_nan=True)
     asked, _ = triangulate_refined(given, replace(SETTINGS, refine_poses="always"))
-    assert "poses refined" in asked.source
+    assert "poses refined" in asked.described
     assert _turns_deg(asked.captures, room_captures).max() < 0.06
 
 
@@ -128,7 +128,7 @@ def test_poses_move_no_farther_than_they_may_be_wrong(disturbed, refined, messag
     """But one that contradicts all others by more than that: it is named, and located from them."""
     sure = replace(SETTINGS, refine_poses="always", pose_sigma_m=1e-4, pose_sigma_deg=0.003)
     imported, _ = triangulate_refined(_imported(disturbed), sure, messages)
-    assert "poses refined" in imported.source
+    assert "poses refined" in imported.described
     kept = np.array([not any(one.name in text for text in messages.warnings) for one in disturbed])
     assert kept.sum() >= 3
     for captures, which, moves_m, turns_deg in (
@@ -150,7 +150,7 @@ def test_too_few_tracks_leave_the_poses_as_they_are(disturbed, grey, messages):
 def test_a_capture_that_sees_nothing_of_the_others_stays(disturbed, grey, messages):
     given = _imported([*disturbed[:4], replace(disturbed[4], image_path=grey)])
     imported, _ = triangulate_refined(given, SETTINGS, messages)
-    assert "poses refined" in imported.source
+    assert "poses refined" in imported.described
     stayed = imported.captures[4].camera.world_from_camera
     assert np.array_equal(stayed, disturbed[4].camera.world_from_camera)
     assert len(messages.warnings) == 1 and "photo4.png" in messages.warnings[0]
@@ -185,7 +185,7 @@ def test_the_same_captures_give_the_same_bits(refined, disturbed):
     for a, b in zip(imported.captures, refined[0].captures, strict=True):
         assert np.array_equal(a.camera.world_from_camera, b.camera.world_from_camera)
     assert np.array_equal(sparse.points, refined[1].points)
-    assert imported.source == refined[0].source
+    assert imported.described == refined[0].described
 
 
 def test_a_bundle_is_made_of_refined_poses_and_says_so(disturbed, room_captures, tmp_path):
