@@ -22,10 +22,13 @@ def in_threads(
 ) -> Iterator[Result]:
     """``work`` of each of the ``items``, in their order, with a unit of ``progress`` each.
 
-    The first error of one ends it; pieces that have not begun then never do.
+    The first error of one ends it, as does who takes no more; pieces that have not begun then never do.
     """
     given = list(items)
-    with ThreadPoolExecutor(available_cores()) as pool:
+    pool = ThreadPoolExecutor(available_cores())
+    try:
         found = pool.map(work, given)
         for _ in progress.track(given, title):
             yield next(found)
+    finally:
+        pool.shutdown(cancel_futures=True)

@@ -45,6 +45,20 @@ def test_an_error_ends_it_and_what_has_not_begun_never_does():
     assert len(begun) < 5_000
 
 
+def test_who_takes_no_more_waits_for_what_has_begun_alone():
+    begun = []
+
+    def work(item):
+        begun.append(item)
+        threading.Event().wait(0.01)
+        return item
+
+    results = in_threads(work, range(10_000), SILENT, "Some")
+    assert next(results) == 0
+    results.close()
+    assert len(begun) < 5_000
+
+
 def test_each_item_is_a_unit_of_progress():
     progress = ProgressRecorder()
     assert list(in_threads(str, range(5), progress, "Five")) == ["0", "1", "2", "3", "4"]

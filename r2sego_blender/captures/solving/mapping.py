@@ -61,6 +61,7 @@ _CLEARLY_LOWER = 0.75
 # to, within 0.1 %; where they do not, it is 3 to 100 % off.
 _OTHER_FOCAL_GUESS = 1.2
 _SAME_FOCAL = 0.01
+_DATABASE = "database.db"
 MIN_AGREEING_SHARE = 0.25
 """Of its matches, with which a photograph agrees at least.
 
@@ -68,7 +69,6 @@ One registered to a wrong place contradicts most of its matches: of a right one 
 (the rest are wrong matches), of a wrong one 15 %.
 """
 
-_DATABASE = "database.db"
 AGREEMENT_PX = 4.0
 """By which a match may lie off its epipolar lines and agree with a model, at the size at which it is solved."""
 
@@ -164,7 +164,10 @@ def _mapped(
     ``verified`` is the folder of an earlier one whose lenses differed by guessed focal lengths alone, of which the
     geometry of a pair knows nothing.
     """
-    database, index_of = _verified(folder, lenses, matched, min_matches, verified)
+    if verified is None:
+        database, index_of = _verified(folder, lenses, matched, min_matches)
+    else:
+        database, index_of = _verified_before(verified, folder, lenses)
     _require_depth(database, len(matched.features))
     best = _Mapped([])
     most = _photographs_with_matches(matched)
@@ -213,21 +216,26 @@ def _mapped_globally(
     return best[1]
 
 
-def _verified(
-    folder: Path, lenses: tuple[list[Any], list[int]], matched: Matched, min_matches: int, before: Path | None = None
-) -> tuple[Path, dict[int, int]]:
-    """A database in a new folder with the geometry of each pair, made anew or as in the folder ``before``; and the
-    photographs by COLMAP's number."""
+def _verified_before(before: Path, folder: Path, lenses: tuple[list[Any], list[int]]) -> tuple[Path, dict[int, int]]:
+    """What ``_verified`` made in the folder ``before``, in a new folder and with these cameras' parameters."""
     pycolmap = load_pycolmap()
     folder.mkdir()
     database = folder / _DATABASE
-    if before is not None:
-        shutil.copyfile(before / _DATABASE, database)
-        with pycolmap.Database.open(database) as copied:
-            for known, camera in zip(copied.read_all_cameras(), lenses[0], strict=True):
-                known.params = camera.params
-                copied.update_camera(known)
-            return database, {image.image_id: int(image.name) for image in copied.read_all_images()}
+    shutil.copyfile(before / _DATABASE, database)
+    with pycolmap.Database.open(database) as copied:
+        for known, camera in zip(copied.read_all_cameras(), lenses[0], strict=True):
+            known.params = camera.params
+            copied.update_camera(known)
+        return database, {image.image_id: int(image.name) for image in copied.read_all_images()}
+
+
+def _verified(
+    folder: Path, lenses: tuple[list[Any], list[int]], matched: Matched, min_matches: int
+) -> tuple[Path, dict[int, int]]:
+    """A database in a new folder with the geometry of each pair; and the photographs by COLMAP's number."""
+    pycolmap = load_pycolmap()
+    folder.mkdir()
+    database = folder / _DATABASE
     names = [f"{index:06d}" for index in range(len(matched.features))]
     ids = write_database(database, *lenses, names, *matched, verified=False)
     verification = pycolmap.TwoViewGeometryOptions(min_num_inliers=min_matches)
