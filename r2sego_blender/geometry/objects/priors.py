@@ -10,12 +10,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
 
 from ...captures.capture import Capture
@@ -24,6 +22,7 @@ from ...core.cameras import Camera
 from ...core.errors import GeometryError
 from ...core.json_files import rounded
 from ...core.progress import SILENT, Progress
+from ...core.threads import in_threads
 from ..room.planes import RoomPlanes
 from ..stereo.observed_geometry import ObservedGeometry
 from .alignment import Alignment, ObjectEvidence, rated, realigned
@@ -71,14 +70,7 @@ def align_objects(
         except GeometryError as error:
             return ObjectPrior(one.name, None, error.what, {"name": one.name, "refusal": error.what})
 
-    found = []
-    with (
-        progress.task("Aligning shape priors", len(objects)) as task,
-        ThreadPoolExecutor(numba.get_num_threads()) as pool,
-    ):
-        for result in pool.map(work, objects):
-            found.append(result)
-            task.advance()
+    found = list(in_threads(work, objects, progress, "Aligning shape priors"))
     if settings.symmetry == "unmatched":
         # One after the other: the kernels of fusion share threads of their own.
         for k, one in enumerate(objects):
