@@ -7,7 +7,7 @@ from expected_errors import refused
 from hypothesis import given
 from hypothesis import strategies as st
 
-from r2sego_blender.config.presets import PRESETS, entries, preset, with_overrides
+from r2sego_blender.config.presets import PRESETS, VANILLA_3DGS, entries, preset, with_overrides
 from r2sego_blender.config.settings import Settings, StereoSettings
 from r2sego_blender.core.errors import SettingsError
 
@@ -31,6 +31,17 @@ def test_every_entry_has_one_line_and_a_default_inside_its_range():
 @pytest.mark.parametrize("name", PRESETS)
 def test_presets_are_made_of_known_settings(name):
     assert isinstance(preset(name), Settings)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_the_originals_rates_are_those_of_no_preset(name):
+    """A preset has the steps, the budget, and what discs and later rounds alone know: the original has neither."""
+    own, papers = (dataclasses.replace(one.training, **VANILLA_3DGS) for one in (preset(name), Settings()))
+    differing = {
+        field.name for field in dataclasses.fields(own) if getattr(own, field.name) != getattr(papers, field.name)
+    }
+    of_presets = {"steps_per_round", "max_gaussians"}
+    assert differing <= of_presets | {"disc_stride_px", "detailed_share", "later_rounds_learning_rate_ratio"}
 
 
 @given(st.sampled_from(list(entries())))
