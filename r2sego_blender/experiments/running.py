@@ -34,7 +34,7 @@ LOCK = ".lock"
 PROGRAM = (sys.executable, "-m", LIBRARY.name)
 """What a cell's commands are given to."""
 
-_THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+_THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")  # OpenBLAS has one, as in all commands
 _RESULTS = ("rounds", "report", REFINED_ASSET, COLLISION)
 _LAST_WORDS = 300
 

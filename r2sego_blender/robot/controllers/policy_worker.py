@@ -24,6 +24,7 @@ from typing import NoReturn
 
 import numpy as np
 
+from ...core.threads import BLAS_VARIABLE
 from ...workers.child import RUNNING, forget
 from ...workers.library_path import IMPORT_LIBRARY, LIBRARY
 from ...workers.processes import NO_WINDOW
@@ -39,7 +40,7 @@ REQUEST, ANSWER = struct.Struct("<BIQ"), struct.Struct("<BQ")
 OPEN, CLOSE, STEP = range(3)
 DONE, REFUSED, FAILED = range(3)
 
-_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", BLAS_VARIABLE, "MKL_NUM_THREADS"), "1")
 # Rights are given up before anything could start a thread, which would keep them.
 _SERVE = f"""{IMPORT_LIBRARY}
 from {LIBRARY.name}.workers.confinement import confine
