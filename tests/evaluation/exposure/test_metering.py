@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from small_bundle import HEIGHT, WIDTH, camera
 
@@ -50,6 +50,7 @@ def test_a_camera_that_exposes_by_itself_is_foretold_wherever_it_stands(rooms, r
         np.testing.assert_allclose(one.log_exposure(camera(x)), np.log(METERED / room), atol=EIGHT_BITS)
 
 
+@example([0.390625] * 4, 0.25)  # a room of one grey: there, any rule foretells the captures, but for rounding
 @given(st.lists(GREYS, min_size=4, max_size=4), GREYS)
 def test_a_camera_that_exposes_by_hand_is_that_of_the_captures_near(rooms, room):
     """One exposure for all, 1.5 times that of the room's unit: the dark is dark in the photographs, too."""
