@@ -23,8 +23,8 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 _DARKEST = 1e-4
 """The least mean luminance that is told from black."""
 
-_SAME = 1e-4
-"""Logarithms of exposures that differ by no more are the same: there is no rule to be learned of them."""
+_ROUNDING = 1e-4
+"""By so much of a logarithm one rule foretells better than another where both are right: nothing is learned of it."""
 
 SeenByCaptures = Callable[[Camera], tuple[np.ndarray, np.ndarray]]
 """Gives of a camera a picture (H, W, 3) at the captures' one exposure, and where (H, W) bool captures saw it."""
@@ -59,7 +59,7 @@ class Metering:
         if len(self.captures) < 3:  # of two, one tells the other's brightness and nothing of a rule
             return False
         by_near, by_metering = np.sqrt(np.square(self.left_out_errors()).mean(axis=0))
-        return bool(by_metering < by_near - _SAME)
+        return bool(by_metering < by_near - _ROUNDING)
 
     def left_out_errors(self) -> np.ndarray:
         """(N, 2) what the log exposure of each capture, left out, is off by those near it alone and by metering."""
