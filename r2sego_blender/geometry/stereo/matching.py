@@ -28,7 +28,7 @@ NEAREST = np.float32(1e-3)
 ZERO = np.float32(0.0)
 # Added to the variance of a patch, (grey level 0..1)^2: a noise of half an 8-bit step.
 _VARIANCE_NOISE = np.float32(4e-6)
-# The grey difference (0..1) at which a sample's weight has fallen to 1/e.
+# The difference in tone (0..1) at which a sample's weight has fallen to 1/e.
 _TONAL_SPREAD = 0.05
 # Pixels beyond which a reprojection error says no more (ACMM).
 _MAX_REPROJECTION_PX = np.float32(3.0)
@@ -40,7 +40,7 @@ class Window(NamedTuple):
     ``offsets`` (2, n) float32 whole du and dv in pixels, the uppermost sample's first; n is
     a multiple of 16 so that the sums run in whole vectors; ``spatial`` (n,) float32 the
     weight of each by distance, 0 for the samples that only pad; ``tonal`` (256,) float32
-    the weight by grey difference in 8-bit steps.
+    the weight by difference in tone, grey or opponent colour, in 8-bit steps.
     """
 
     offsets: np.ndarray
@@ -51,11 +51,13 @@ class Window(NamedTuple):
 class Reference(NamedTuple):
     """The capture whose planes are estimated.
 
-    ``grey`` (H, W) float32 in [0, 1]; ``lens`` (6,) float32 fx, fy, cx, cy and the least
-    and greatest inverse depth, 1/m.
+    ``grey`` (H, W) float32 in [0, 1] is what is matched; ``opponent`` (2, H, W) float32 in [-1, 1], its red less
+    green and yellow less blue, tells apart what is equally bright and only weighs the samples. ``lens`` (6,) float32
+    fx, fy, cx, cy and the least and greatest inverse depth, 1/m.
     """
 
     grey: np.ndarray
+    opponent: np.ndarray
     lens: np.ndarray
 
 
@@ -106,17 +108,19 @@ def pack_texels(grey: np.ndarray) -> np.ndarray:
 
 
 @inner_kernel()
-def weigh_patch(grey, offsets, spatial, tonal, x, y, patch):
+def weigh_patch(grey, opponent, offsets, spatial, tonal, x, y, patch):
     """Fill ``patch`` (2, n): the samples' weights, which sum to 1, and the weights times
     the grey less its weighted mean; give the weighted variance of the grey."""
     height, width = grey.shape
-    centre = grey[y, x]
+    centre, centre_rg, centre_yb = grey[y, x], opponent[0, y, x], opponent[1, y, x]
     total = mean = variance = ZERO
     for k in range(offsets.shape[1]):
         u, v = x + np.int32(offsets[0, k]), y + np.int32(offsets[1, k])
-        row, column = min(max(v, 0), height - 1), min(max(u, 0), width - 1)
-        value = grey[np.uint64(row), np.uint64(column)]
-        tone = np.uint64(min(np.int32(abs(value - centre) * np.float32(255.0) + np.float32(0.5)), 255))  # type: ignore[arg-type]  # of a kernel
+        row, column = np.uint64(min(max(v, 0), height - 1)), np.uint64(min(max(u, 0), width - 1))
+        value = grey[row, column]
+        colour = max(abs(opponent[0, row, column] - centre_rg), abs(opponent[1, row, column] - centre_yb))
+        apart = max(abs(value - centre), colour)
+        tone = np.uint64(min(np.int32(apart * np.float32(255.0) + np.float32(0.5)), 255))  # type: ignore[arg-type]  # of a kernel
         weight = spatial[k] * tonal[tone] * np.float32((row == v) & (column == u))
         patch[0, k] = weight
         patch[1, k] = value

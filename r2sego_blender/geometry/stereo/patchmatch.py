@@ -209,7 +209,7 @@ def score(field, reference, sources, window):
     # Arrays of a tuple are written only through names of their own: Numba drops
     # assignments to a tuple's member inside prange.
     planes, cost_map, source_costs = field
-    grey, _ = reference
+    grey, opponent, _ = reference
     texels, layout, to_source, to_reference, source_planes, geometric_weight = sources
     offsets, spatial, tonal = window
     height, width, count = source_costs.shape
@@ -217,7 +217,7 @@ def score(field, reference, sources, window):
         patch = np.empty((2, offsets.shape[1]), np.float32)
         for x in range(width):
             u, v = np.float32(x) + np.float32(0.5), np.float32(y) + np.float32(0.5)
-            variance = weigh_patch(grey, offsets, spatial, tonal, x, y, patch)
+            variance = weigh_patch(grey, opponent, offsets, spatial, tonal, x, y, patch)
             a, b, c = planes[y, x, 0], planes[y, x, 1], planes[y, x, 2]
             best = second = WORST_COST
             for s in range(count):
@@ -241,7 +241,7 @@ def half_sweep(field, reference, sources, window, regions, colour, sweep, finene
     ``fineness`` float32 scales the perturbations of the refinement, 1 at first.
     """
     planes, cost_map, source_costs = field  # names of their own, as in ``score``
-    grey, lens = reference
+    grey, opponent, lens = reference
     texels, layout, to_source, to_reference, source_planes, geometric_weight = sources
     offsets, spatial, tonal = window
     height, width, count = source_costs.shape
@@ -252,7 +252,7 @@ def half_sweep(field, reference, sources, window, regions, colour, sweep, finene
         for x in range((y + colour) % 2, width, 2):
             u, v = np.float32(x) + np.float32(0.5), np.float32(y) + np.float32(0.5)
             pixel = y * width + x
-            variance = weigh_patch(grey, offsets, spatial, tonal, x, y, patch)
+            variance = weigh_patch(grey, opponent, offsets, spatial, tonal, x, y, patch)
             _choose_sources(source_costs, x, y, chosen, shares)
             a, b, c = planes[y, x, 0], planes[y, x, 1], planes[y, x, 2]
             best = shares[0] * source_costs[y, x, chosen[0]] + shares[1] * source_costs[y, x, chosen[1]]

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -115,10 +116,7 @@ def dense_stereo(
     """
     _check(captures, depth_range_m)
     cameras = [capture.camera.fitted(settings.max_side_px) for capture in captures]
-    greys = [
-        without_noise(resize(capture.image() @ _LUMA, camera.width, camera.height))
-        for capture, camera in zip(captures, cameras, strict=True)
-    ]
+    pictures = [_Picture.of(capture, camera) for capture, camera in zip(captures, cameras, strict=True)]
     points = np.asarray(sparse_points, np.float64).reshape(-1, 3)
     guessed = np.concatenate([_guessed_points(c, r) for c, r in zip(cameras, depth_range_m, strict=True)])
     if len(points) == 0:
@@ -140,12 +138,27 @@ def dense_stereo(
     with progress.task("Dense stereo", total=rounds * len(captures)) as task:
         for level, scale in enumerate(scales):
             views = [
-                _View.of(camera.scaled(scale), grey, limits)
-                for camera, grey, limits in zip(cameras, greys, depth_range_m, strict=True)
+                _View.of(camera.scaled(scale), picture, limits)
+                for camera, picture, limits in zip(cameras, pictures, depth_range_m, strict=True)
             ]
             planes = [_resampled(p, view.camera) for p, view in zip(planes, views, strict=True)]
             planes = _estimate_level(views, chosen, planes, settings, level, seed, task)
     return _depth_maps(views, chosen, planes, settings)
+
+
+class _Picture(NamedTuple):
+    """A capture's ``grey`` (H, W) and ``opponent`` colours (H, W, 2), as ``matching.Reference`` has them."""
+
+    grey: np.ndarray
+    opponent: np.ndarray
+
+    @staticmethod
+    def of(capture: Capture, camera: Camera) -> _Picture:
+        image = capture.image()
+        grey = without_noise(resize(image @ _LUMA, camera.width, camera.height))
+        image = resize(image, camera.width, camera.height)
+        red, green, blue = (without_noise(np.ascontiguousarray(channel)) for channel in np.moveaxis(image, -1, 0))
+        return _Picture(grey, np.stack([red - green, 0.5 * (red + green) - blue], axis=-1))
 
 
 @dataclass(frozen=True)
@@ -157,11 +170,12 @@ class _View:
     texels: np.ndarray
 
     @staticmethod
-    def of(camera: Camera, grey: np.ndarray, depth_range_m: tuple[float, float]) -> _View:
-        grey = resize(grey, camera.width, camera.height)
+    def of(camera: Camera, picture: _Picture, depth_range_m: tuple[float, float]) -> _View:
+        grey, opponent = (resize(one, camera.width, camera.height) for one in picture)
+        opponent = np.ascontiguousarray(np.moveaxis(opponent, -1, 0), np.float32)
         near, far = depth_range_m
         lens = [camera.fx, camera.fy, camera.cx, camera.cy, 1.0 / far, 1.0 / near]
-        reference = matching.Reference(grey, np.array(lens, np.float32))
+        reference = matching.Reference(grey, opponent, np.array(lens, np.float32))
         return _View(camera, reference, matching.pack_texels(grey))
 
 

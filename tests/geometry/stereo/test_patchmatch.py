@@ -27,7 +27,8 @@ def random_pair():
     rng = np.random.default_rng(7)
     a, b = camera(0.0), camera(0.3, 0.1)
     greys = [rng.integers(0, 256, (48, 64)).astype(np.float32) / 255 for _ in range(2)]
-    reference = matching.Reference(greys[0], np.array([*LENS, 1 / 8, 1 / 0.5], np.float32))
+    opponent = rng.integers(-40, 41, (2, 48, 64)).astype(np.float32) / 255
+    reference = matching.Reference(greys[0], opponent, np.array([*LENS, 1 / 8, 1 / 0.5], np.float32))
     sources = matching.Sources(
         matching.pack_texels(greys[1]),
         np.array([[0, 64, 48]], np.int32),
@@ -57,14 +58,15 @@ def bilinear(grey: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
     return top * (1 - fy) + bottom * fy
 
 
-def reference_cost(greys, matrix, plane, window, x: int, y: int) -> float:
+def reference_cost(greys, opponent, matrix, plane, window, x: int, y: int) -> float:
     """Bilaterally weighted 1 - NCC in float64, straight from its definition."""
     du, dv = window.offsets.astype(int)
     used = window.spatial > 0
     used &= (x + du >= 0) & (x + du < 64) & (y + dv >= 0) & (y + dv < 48)
     du, dv, weight = du[used], dv[used], window.spatial[used].astype(float)
     patch = greys[0][y + dv, x + du].astype(float)
-    tone = np.rint(np.abs(patch - greys[0][y, x]) * 255).astype(int)
+    colour = np.abs(opponent[:, y + dv, x + du] - opponent[:, y, x, None]).max(axis=0)
+    tone = np.rint(np.maximum(np.abs(patch - greys[0][y, x]), colour) * 255).astype(int)
     weight = weight * window.tonal[np.minimum(tone, 255)]
     weight /= weight.sum()
     u, v = x + du + 0.5, y + dv + 0.5
@@ -85,8 +87,23 @@ def test_the_cost_is_the_weighted_ncc(pair) -> None:
     assert len(matched) > 1000
     matrix = transfer(a, b)
     for y, x in matched[:: len(matched) // 200]:
-        expected = reference_cost(greys, matrix, field.planes[y, x], window, x, y)
+        expected = reference_cost(greys, reference.opponent, matrix, field.planes[y, x], window, x, y)
         assert field.source_costs[y, x, 0] == pytest.approx(expected, abs=3e-3)
+
+
+def test_what_is_as_bright_and_of_another_colour_has_no_weight() -> None:
+    """A blue bowl before brown wood: of a window across its rim the samples on the pixel's own side count."""
+    grey = np.random.default_rng(3).uniform(0.4, 0.44, (32, 32)).astype(np.float32)
+    opponent = np.zeros((2, 32, 32), np.float32)
+    opponent[:, :, 16:] = [[[0.1]], [[-0.5]]]
+    window = matching.window(5)
+    weights = np.empty((2, window.offsets.shape[1]), np.float32)
+    matching.weigh_patch(grey, opponent, *window, 15, 12, weights)
+    beyond = window.offsets[0] > 0
+    assert weights[0].sum() == pytest.approx(1.0, abs=1e-5)
+    assert weights[0, beyond].sum() < 1e-3
+    matching.weigh_patch(grey, 0.0 * opponent, *window, 15, 12, weights)
+    assert weights[0, beyond].sum() > 0.3
 
 
 def test_a_patch_that_leaves_the_source_has_the_worst_cost(pair) -> None:
