@@ -3,8 +3,9 @@
 Numba's own cache looks at the time of the one file a kernel stands in, not at the
 kernels it calls, nor at the constants that are compiled in. Here the cache folder is named
 by a digest of every source file of the packages that hold kernels, of Numba's version and
-of this CPU, so a changed source compiles anew. A kernel gives the same bits in the process
-that compiles it and in those that load it.
+of this CPU, so a changed source compiles anew. Where the library lies is not asked: a second copy of the same
+version, the one that Blender installed, loads what the first compiled. A kernel gives the same bits in the
+process that compiles it and in those that load it.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from typing import Any, Protocol, TypeVar, cast, overload
 
 import numba
 from llvmlite import binding as llvm
-from numba.core import codegen, event
+from numba.core import caching, codegen, event
 
 from .errors import R2SEgoError
 from .scratch import ScratchFolder
@@ -52,6 +53,23 @@ def _cache_folder() -> Path:
 
 def _package(source: Path) -> str:
     return source.relative_to(_LIBRARY).parts[0]
+
+
+class LibraryCacheLocator(caching.UserProvidedCacheLocator):  # type: ignore[misc]  # Numba has no types
+    """Finds this library's kernels in the cache folder by their modules' package, not by where it lies.
+
+    A kernel holds its module's name, so that the same library under another name has kernels of its own.
+    """
+
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file: str) -> str:
+        library = __name__.rpartition(".core.")[0]
+        return ".".join([library, *Path(py_file).resolve().relative_to(_LIBRARY).parent.parts])
+
+    @classmethod
+    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> caching.UserProvidedCacheLocator | None:
+        """None for a kernel of others: the next locator is asked."""
+        return super().from_function(py_func, py_file) if Path(py_file).resolve().is_relative_to(_LIBRARY) else None
 
 
 class _Announcement(event.Listener):  # type: ignore[misc]  # Numba has no types
@@ -117,6 +135,8 @@ os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 if not os.environ.get("NUMBA_CACHE_DIR"):
     numba.config.CACHE_DIR = str(_cache_folder())
+    _others = [locator.__name__ for locator in caching.CacheImpl._locator_classes]
+    numba.config.CACHE_LOCATOR_CLASSES = ",".join([f"{__name__}.{LibraryCacheLocator.__name__}", *_others])
 
 # No 'nnan' and 'ninf': the kernels test for NaN, which full fastmath folds away.
 FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}

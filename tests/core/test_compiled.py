@@ -87,6 +87,22 @@ def test_a_kernel_from_the_cache_gives_the_bits_of_the_process_that_compiled_it(
     assert compiled == loaded
 
 
+def test_a_second_copy_of_the_library_loads_what_the_first_compiled(tmp_path):
+    """The library of an extension that Blender installed lies elsewhere than the one of the commands."""
+    copy = tmp_path / "extension" / "r2sego_blender"
+    shutil.copytree(Path(compiled.__file__).parents[1], copy, ignore=shutil.ignore_patterns("__pycache__"))
+    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    environment |= {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    told = []
+    for place in (Path(compiled.__file__).parents[2], copy.parent):
+        program = f"import sys; sys.path.insert(0, {str(place)!r})\n{_RUN}print(sys.modules['r2sego_blender'].__file__)"
+        command = [sys.executable, "-c", program]
+        run = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        assert Path(run.stdout.splitlines()[-1]).parents[1] == place
+        told.append(run.stderr.count("compiling kernels"))
+    assert told == [1, 0]
+
+
 @pytest.mark.skipif(os.name == "nt", reason="permissions")
 def test_a_cache_that_may_not_be_written_is_not_replaced_by_one_that_stays(tmp_path):
     _first_and_second_run(_RUN, tmp_path)
