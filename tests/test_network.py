@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import os
-import shutil
 import sys
 from pathlib import Path
 
 import pytest
+from demo_views import write_first_views
 from network_watch import watched
 
 from tools.benchmarks.kills import FEW, ROOM
@@ -32,25 +31,14 @@ def reaches_for(log: Path, *command: object) -> list[object]:
     return found
 
 
-@pytest.fixture
-def three_views(tmp_path) -> Path:
-    """A file of the demo's first three frozen views: what is done to one is done to sixteen."""
-    told = json.loads((ROOM / "cameras.json").read_text())
-    few = told["frozen"][:3]
-    for view in few:
-        (tmp_path / view["file"]).parent.mkdir(exist_ok=True)
-        shutil.copy(ROOM / view["file"], tmp_path / view["file"])
-    (tmp_path / "cameras.json").write_text(json.dumps(told | {"frozen": few}))
-    return tmp_path / "cameras.json"
-
-
 @pytest.mark.slow
-def test_a_demo_reaches_for_nothing_beyond_this_machine(scene, three_views, tmp_path):
+def test_a_demo_reaches_for_nothing_beyond_this_machine(scene, tmp_path):
     few = [f"--set={setting}" for setting in FEW]
+    frozen = write_first_views(tmp_path, 3)
     for step in (
         ["new", scene, "--captures", ROOM / "captures", "--poses", ROOM / "cameras.json", *few],
         ["refine", scene, "--preset", "preview", *few],
-        ["evaluate", scene, "--frozen", three_views],
+        ["evaluate", scene, "--frozen", frozen],
         ["export", scene, "--to", tmp_path / "out", "--textured"],
         ["doctor"],
     ):

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from demo_views import ROOM, write_first_views
 from progress_recorder import ProgressRecorder
 from step_reads import KeysOnly, WatchedRunner, another
 
@@ -37,13 +38,15 @@ from r2sego_blender.views.selection import Selection
 
 pytestmark = pytest.mark.slow
 
-ROOM = Path(__file__).parents[1] / "demo" / "room"
 SMALL = {
     "rounds": 2,
     "stereo.max_side_px": 160,
     "stereo.iterations": 3,
+    "stereo.geometric_rounds": 1,
     "proxy.voxel_m": 0.06,
-    "collision.tolerance_m": 0.05,
+    "collision.tolerance_m": 0.1,
+    "collision.carrying_tolerance_m": 0.1,
+    "collision.min_cell_m": 0.2,
     "rollouts.successes": 2,
     "selection.target_views": 3,
     "selection.scoring_scale": 0.25,
@@ -291,11 +294,11 @@ def test_a_later_round_without_floor_goes_on_with_the_rollouts_before(small_room
     assert any("rounds/1/collision/scene.xml" in message for message in told.warnings)
 
 
-def test_evaluation_scores_every_arm_and_writes_the_report(small_room):
-    metrics = evaluate_scene(small_room, ROOM / "cameras.json")
+def test_evaluation_scores_every_arm_and_writes_the_report(small_room, tmp_path):
+    metrics = evaluate_scene(small_room, write_first_views(tmp_path, 4))
     assert set(metrics["arms"]) == set(DEFAULT_ARMS)
     for arm in metrics["arms"].values():
-        assert len(arm["views"]) == 16 and 5 < arm["psnr"] < 60 and 0 < arm["ssim"] < 1
+        assert len(arm["views"]) == 4 and 5 < arm["psnr"] < 60 and 0 < arm["ssim"] < 1
         assert arm["lpips_alex"] is not None or arm["lpips_reason"]
     assert metrics["arms"]["refined"]["psnr"] > metrics["arms"]["vanilla_3dgs"]["psnr"]
     page = (small_room.report_folder / "index.html").read_text()

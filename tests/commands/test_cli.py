@@ -25,6 +25,7 @@ from r2sego_blender.core import compiled
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.images import save_image
 from r2sego_blender.robot.scope.scope import shipped_scopes
+from tools.benchmarks.kills import FEW
 
 ROOT = Path(__file__).parents[2]
 ROOM = ROOT / "demo" / "room"
@@ -313,9 +314,7 @@ def test_benchmarks_are_run_from_a_checkout(tmp_path, monkeypatch):
 def test_new_goes_on_to_the_refined_scene_where_it_is_asked(tmp_path):
     room = tmp_path / "a.r2s"
     photographs = ["--captures", ROOM / "captures", "--poses", ROOM / "cameras.json"]
-    settings = ["captures.max_side_px=160", "rounds=1", "stereo.max_side_px=120", "proxy.voxel_m=0.08"]
-    settings += ["rollouts.successes=1", "selection.target_views=1", "training.steps_per_round=10"]
-    options = [word for one in settings for word in ("--set", one)]
+    options = [f"--set={setting}" for setting in FEW]
     made = r2sego("new", room, *photographs, *options, "--refine", "preview")
     assert made.returncode == 0, made.stderr
     told = dict(line.split(": ", 1) for line in made.stdout.splitlines())

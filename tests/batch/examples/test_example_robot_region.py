@@ -76,8 +76,11 @@ def test_the_rollouts_of_a_round_are_those_of_the_command(blender_environment, b
         overrides={
             "stereo.max_side_px": 160,
             "stereo.iterations": 3,
+            "stereo.geometric_rounds": 1,
             "proxy.voxel_m": 0.06,
-            "collision.tolerance_m": 0.05,
+            "collision.tolerance_m": 0.1,
+            "collision.carrying_tolerance_m": 0.1,
+            "collision.min_cell_m": 0.2,
             "rollouts.successes": 2,
         }
     )

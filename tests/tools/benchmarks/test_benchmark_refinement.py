@@ -20,9 +20,12 @@ from tools.benchmarks.refinement import bench_refinement, lines
 TINY = {
     "rounds": 2,
     "stereo.max_side_px": 120,
+    "stereo.geometric_rounds": 1,
     "proxy.voxel_m": 0.06,
     "proxy.truncation_m": 0.15,
     "collision.tolerance_m": 0.1,
+    "collision.carrying_tolerance_m": 0.1,
+    "collision.min_cell_m": 0.2,
     "rollouts.successes": 2,
     "selection.candidates": "flight",
     "selection.target_views": 2,
