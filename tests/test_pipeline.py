@@ -55,15 +55,14 @@ SMALL = {
     "training.max_gaussians": 20000,
 }
 
+CAPTURES = CaptureSettings(max_side_px=240, matcher="sift")
+
 
 @pytest.fixture(scope="module")
 def watched(tmp_path_factory) -> WatchedRunner:
     """The demo room, refined for two rounds at a quarter of the images' size, and what its steps read."""
     scene = create_scene(
-        tmp_path_factory.mktemp("pipeline") / "room.r2s",
-        ROOM / "captures",
-        ROOM / "cameras.json",
-        settings=CaptureSettings(max_side_px=240),
+        tmp_path_factory.mktemp("pipeline") / "room.r2s", ROOM / "captures", ROOM / "cameras.json", settings=CAPTURES
     )
     runner = WatchedRunner(scene.declare(overrides=SMALL))
     refine(runner.scene, runner=runner)
@@ -228,9 +227,9 @@ def test_the_commands_of_a_round_do_nothing_twice(small_room):
 
 
 def test_the_same_seed_gives_the_same_bundle_also_in_two_goes(small_room, tmp_path):
-    again = create_scene(
-        tmp_path / "room.r2s", ROOM / "captures", ROOM / "cameras.json", settings=CaptureSettings(max_side_px=240)
-    ).declare(overrides=SMALL)
+    again = create_scene(tmp_path / "room.r2s", ROOM / "captures", ROOM / "cameras.json", settings=CAPTURES).declare(
+        overrides=SMALL
+    )
     refine(again, until="rounds/0/selection")
     assert [record["step"] for record in again.journal()][-2:] == ["rounds/0/rollouts", "rounds/0/selection"]
     refine(again)

@@ -210,7 +210,7 @@ def test_dense_stereo_of_disturbed_photographs_is_as_of_right_ones(tmp_path):
     disturbed_captures(DEMO, tmp_path, np.random.default_rng(2))
 
     def stereo(folder, refine_poses):
-        captures = CaptureSettings(max_side_px=320, max_features=2500, refine_poses=refine_poses)
+        captures = CaptureSettings(max_side_px=320, max_features=2500, refine_poses=refine_poses, matcher="sift")
         given = import_captures(folder, folder / "cameras.json", captures)
         imported, sparse = triangulate_refined(given, captures)
         maps = dense_stereo(

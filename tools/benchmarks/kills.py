@@ -29,10 +29,10 @@ from r2sego_blender.workers.engine import engine_environment
 
 ROOM = Path(__file__).resolve().parents[2] / "demo" / "room"
 FEW = (
-    *("rounds=1", "captures.max_side_px=160", "stereo.max_side_px=160", "stereo.iterations=1", "proxy.voxel_m=0.06"),
-    *("stereo.geometric_rounds=1", "collision.simplification_m=0.1", "collision.cell_m=1.0", "rollouts.successes=1"),
+    *("rounds=1", "captures.max_side_px=160", "captures.matcher=sift", "stereo.max_side_px=160", "stereo.iterations=1"),
+    *("stereo.geometric_rounds=1", "proxy.voxel_m=0.06", "collision.simplification_m=0.1", "collision.cell_m=1.0"),
     *("collision.min_cell_m=0.2", "collision.tolerance_m=0.1", "collision.carrying_tolerance_m=0.1"),
-    *("selection.target_views=2", "selection.scoring_scale=0.25", "generation.clip_frames=3"),
+    *("rollouts.successes=1", "selection.target_views=2", "selection.scoring_scale=0.25", "generation.clip_frames=3"),
     *("training.steps_per_round=40", "training.disc_stride_px=6", "training.max_gaussians=20000"),
 )
 """Settings of a refinement of half a minute."""

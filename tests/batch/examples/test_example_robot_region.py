@@ -71,7 +71,10 @@ def test_an_object_that_is_not_there_is_told_in_one_line(bundle_path, blender_en
 def test_the_rollouts_of_a_round_are_those_of_the_command(blender_environment, blend, tmp_path):
     room = ROOT / "demo" / "room"
     scene = create_scene(
-        tmp_path / "room.r2s", room / "captures", room / "cameras.json", settings=CaptureSettings(max_side_px=240)
+        tmp_path / "room.r2s",
+        room / "captures",
+        room / "cameras.json",
+        settings=CaptureSettings(max_side_px=240, matcher="sift"),
     ).declare(
         overrides={
             "stereo.max_side_px": 160,
