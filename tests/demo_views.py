@@ -6,7 +6,7 @@ import json
 import shutil
 from pathlib import Path
 
-ROOM = Path(__file__).parents[1] / "demo" / "room"
+from tools.benchmarks.kills import ROOM
 
 
 def write_first_views(folder: Path, count: int) -> Path:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from demo_views import ROOM, write_first_views
+from demo_views import write_first_views
 from progress_recorder import ProgressRecorder
 from step_reads import KeysOnly, WatchedRunner, another
 
@@ -35,6 +35,7 @@ from r2sego_blender.results.status import describe, lines
 from r2sego_blender.splats.formats.ply import load_ply
 from r2sego_blender.splats.rendering.rasterizer import render
 from r2sego_blender.views.selection import Selection
+from tools.benchmarks.kills import ROOM
 
 pytestmark = pytest.mark.slow
 

@@ -37,11 +37,15 @@ print(sha256(field.planes.tobytes()).hexdigest())
 """
 
 
+def _environment(cache):
+    """That of a process whose kernels are kept below ``cache``."""
+    return {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"} | {"XDG_CACHE_HOME": str(cache)}
+
+
 def _first_and_second_run(program, cache, without_privilege=(), **more):
     """What two processes say that begin with an empty cache: their output, and how often
     they tell that kernels are compiled."""
-    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
-    environment |= {"XDG_CACHE_HOME": str(cache), **more}
+    environment = _environment(cache) | more
     command = [*without_privilege, sys.executable, "-c", program]
     runs = [subprocess.run(command, env=environment, capture_output=True, text=True, check=True) for _ in range(2)]
     return [run.stdout.strip() for run in runs], [run.stderr.count("compiling kernels") for run in runs]
@@ -91,8 +95,7 @@ def test_a_second_copy_of_the_library_loads_what_the_first_compiled(tmp_path):
     """The library of an extension that Blender installed lies elsewhere than the one of the commands."""
     copy = tmp_path / "extension" / "r2sego_blender"
     shutil.copytree(Path(compiled.__file__).parents[1], copy, ignore=shutil.ignore_patterns("__pycache__"))
-    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
-    environment |= {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    environment = _environment(tmp_path / "cache")
     told = []
     for place in (Path(compiled.__file__).parents[2], copy.parent):
         program = f"import sys; sys.path.insert(0, {str(place)!r})\n{_RUN}print(sys.modules['r2sego_blender'].__file__)"

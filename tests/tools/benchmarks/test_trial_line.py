@@ -1,4 +1,4 @@
-"""20 s at 1 kHz come into the record whole and cost little; killed recorders leave what they had."""
+"""A minute at 1 kHz comes into the record whole and costs little; killed recorders leave what they had."""
 
 import sys
 
@@ -12,13 +12,13 @@ pytestmark = [
 ]
 
 
-def test_twenty_seconds_at_a_kilohertz_lose_nothing_and_take_little_of_a_core(tmp_path):
+def test_a_minute_at_a_kilohertz_loses_nothing_and_takes_a_twentieth_of_a_core(tmp_path):
     for number in range(3):  # a machine that is busy otherwise may take the time away for once
-        load = recorded_load(tmp_path / f"load_{number}", 20.0)
+        load = recorded_load(tmp_path / f"load_{number}", 60.0)
         if not load.lost:
             break
-    assert load.samples >= 19_000 and load.lost == 0 and load.resets == 0
-    assert load.share <= 0.1  # beside another test; alone a twentieth, as the command measures it
+    assert load.samples >= 59_000 and load.lost == 0 and load.resets == 0
+    assert load.share <= 0.05
 
 
 def test_a_killed_recorder_leaves_all_up_to_its_last_chunk(tmp_path):
