@@ -21,7 +21,8 @@ from ..core.scratch import ScratchFolder
 from ..workers.child import call_in_child
 from .capture import Capture
 from .colmap import load_pycolmap
-from .matching.features import Features, sift
+from .matching.detection import sift_each
+from .matching.features import Features
 from .matching.overlap import (
     OVERLAP_CURE,
     Matched,
@@ -64,12 +65,8 @@ class Detected(NamedTuple):
 
 def detect(captures: Sequence[Capture], settings: CaptureSettings, progress: Progress = SILENT) -> Detected:
     """The SIFT features of captures."""
-    detected = Detected([], [])
-    for capture in progress.track(captures, "Finding features"):
-        image = (capture.image() * 255.0 + 0.5).astype(np.uint8)
-        detected.images.append(image)
-        detected.features.append(sift(image, settings.max_features))
-    return detected
+    images = [(capture.image() * 255.0 + 0.5).astype(np.uint8) for capture in captures]
+    return Detected(sift_each(images.__getitem__, len(images), settings.max_features, progress), images)
 
 
 def beside_xfeat(

@@ -9,6 +9,7 @@ from pathlib import Path
 
 _HIDDEN = ("desktop.ini", "thumbs.db")  # Windows hides these without a dot
 _WHOLE_BYTES, _END_BYTES = 1 << 26, 1 << 20
+_PART_BYTES = 1 << 16
 
 
 def content_digest(path: Path) -> str:
@@ -17,16 +18,22 @@ def content_digest(path: Path) -> str:
     Hidden files, such as a file manager's ``.DS_Store`` or ``Thumbs.db``, are none of a folder's. Raises
     OSError for what may not be read, which is not the same as nothing.
     """
-    digest = hashlib.sha256()
     if path.is_dir():
-        names = [file.relative_to(path) for file in _files(path)]
-        for name in sorted(names, key=lambda name: name.parts):  # Windows compares paths in small letters
-            digest.update(name.as_posix().encode())
-            digest.update(content_digest(path / name).encode())
-    elif path.is_file():
+        digest = hashlib.sha256()
+        for parts, file in sorted(_files(path)):  # not by their paths: Windows compares them in small letters
+            digest.update("/".join(parts).encode())
+            digest.update(_file_digest(file).encode())
+        return digest.hexdigest()
+    return _file_digest(path) if path.is_file() else ""
+
+
+def _file_digest(path: Path) -> str:
+    digest = hashlib.sha256()
+    try:
         with path.open("rb") as stream:
-            digest = hashlib.file_digest(stream, "sha256")
-    else:
+            while part := stream.read(_PART_BYTES):
+                digest.update(part)
+    except FileNotFoundError:  # deleted since it was listed
         return ""
     return digest.hexdigest()
 
@@ -48,13 +55,16 @@ def file_identity(path: Path) -> str:
     return f"{size} {digest.hexdigest()}"
 
 
-def _files(folder: Path) -> Iterator[Path]:
-    """The files within that are not hidden; ``rglob`` would pass over what may not be listed."""
+def _files(folder: Path) -> Iterator[tuple[tuple[str, ...], Path]]:
+    """The names below ``folder`` of each file within that is not hidden, and its path; ``rglob`` would pass over
+    what may not be listed."""
     for where, folders, names in os.walk(folder, onerror=_raise):
         folders[:] = [name for name in folders if not _is_hidden(name)]
+        below = Path(where).relative_to(folder).parts
         for name in names:
-            if not _is_hidden(name) and name.lower() not in _HIDDEN and (file := Path(where, name)).is_file():
-                yield file
+            file = Path(where, name)
+            if not _is_hidden(name) and name.lower() not in _HIDDEN and file.is_file():
+                yield (*below, name), file
 
 
 def _is_hidden(name: str) -> bool:

@@ -41,18 +41,27 @@ def sift(image: np.ndarray, max_features: int = 8000) -> Features:
     ``image`` is (H, W, 3) float32 in [0, 1] or uint8. An image without texture, or one
     too small for SIFT, has none.
     """
-    pycolmap = load_pycolmap()
-    pixels = np.ascontiguousarray(image[..., :3])
-    grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
+    return sift_of_grey(grey_levels(image), max_features)
+
+
+def grey_levels(image: np.ndarray) -> np.ndarray:
+    """(H, W) uint8: what SIFT looks at of an image (H, W, 3), float32 in [0, 1] or uint8."""
+    grey = cv2.cvtColor(np.ascontiguousarray(image[..., :3]), cv2.COLOR_RGB2GRAY)
     if grey.dtype != np.uint8:
         grey = (np.clip(np.nan_to_num(grey), 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+    return np.ascontiguousarray(grey)
+
+
+def sift_of_grey(grey: np.ndarray, max_features: int) -> Features:
+    """``sift`` of ``grey_levels`` (H, W)."""
     if min(grey.shape) < _SMALLEST_SIDE_PX:
         return Features(np.zeros((0, 2), np.float32), np.zeros((0, 128), np.uint8))
+    pycolmap = load_pycolmap()
     options = pycolmap.FeatureExtractionOptions(num_threads=1)
     options.sift.peak_threshold = _PEAK_THRESHOLD
     options.sift.max_num_features = int(max_features)
     extractor = pycolmap.FeatureExtractor.create(options, pycolmap.Device.cpu)
-    keypoints, descriptors = extractor.extract_from_uint8_array(np.ascontiguousarray(grey))
+    keypoints, descriptors = extractor.extract_from_uint8_array(grey)
     places = np.asarray(pycolmap.keypoints_to_matrix(keypoints), np.float32).reshape(-1, 4)
     values = np.asarray(descriptors.data, np.uint8).reshape(-1, 128)
     return Features(np.ascontiguousarray(places[:, :2]), np.ascontiguousarray(values))

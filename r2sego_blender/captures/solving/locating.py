@@ -19,6 +19,7 @@ from ...core.errors import CaptureError
 from ...core.images import image_files
 from ...core.progress import SILENT, Progress
 from ..capture import Capture
+from ..matching.detection import sift_each
 from ..matching.features import Features, match, sift
 from ..matching.xfeat import LEAST_EXPECTED, match_xfeat
 from ..poses.photographs import upright_size
@@ -65,8 +66,8 @@ def landmarks(
     each capture; they place the features that no sparse point belongs to.
     """
     descriptors, points = [], []
-    for index, capture in enumerate(progress.track(captures, "Finding landmarks")):
-        features = sift(capture.image(), settings.max_features)
+    found = _features(captures, settings, progress, "Finding landmarks")
+    for index, (capture, features) in enumerate(zip(captures, found, strict=True)):
         places = _places(features, capture, index, sparse, depths)
         known = np.isfinite(places).all(axis=1)
         descriptors.append(features.descriptors[known])
@@ -95,9 +96,10 @@ def locate_views(
         raise CaptureError("there are no photographs", where=folder, cure="Give a folder of photographs.")
     known = landmarks(captures, sparse, settings, depths, progress)
     views = [_unposed(path, captures) for path in paths]
+    detected = _features(views, settings, progress, "Locating photographs: features")
     estimates = [
-        locate(view.image(), view.camera, known, settings, seed)
-        for view in progress.track(views, "Locating photographs")
+        _located(features, view.camera, known, settings, seed)
+        for features, view in zip(detected, progress.track(views, "Locating photographs"), strict=True)
     ]
     missed = [index for index, estimate in enumerate(estimates) if estimate is None]
     if missed and settings.matcher == "xfeat":
@@ -123,7 +125,16 @@ def locate(
     image: np.ndarray, camera: Camera, known: Landmarks, settings: CaptureSettings, seed: int
 ) -> PoseEstimate | None:
     """The pose of an undistorted image (H, W, 3) with ``camera``'s lens, or None."""
-    features = sift(image, settings.max_features)
+    return _located(sift(image, settings.max_features), camera, known, settings, seed)
+
+
+def _features(views: Sequence[Capture], settings: CaptureSettings, progress: Progress, title: str) -> list[Features]:
+    return sift_each(lambda index: views[index].image(), len(views), settings.max_features, progress, title)
+
+
+def _located(
+    features: Features, camera: Camera, known: Landmarks, settings: CaptureSettings, seed: int
+) -> PoseEstimate | None:
     return _posed(*known.matched(features, settings.match_ratio), camera, settings, seed)
 
 

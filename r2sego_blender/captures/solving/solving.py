@@ -17,7 +17,7 @@ from ...core.progress import Progress
 from ...core.scratch import ScratchFolder
 from ...workers.child import call_in_child
 from ..keyframes.choosing import photograph_keyframes
-from ..matching.features import Features, sift
+from ..matching.detection import sift_each
 from ..matching.overlap import Matched, match_all, save_matches
 from ..matching.repetition import confirmed_sift, without_repetition
 from ..matching.xfeat import LEAST_EXPECTED, NAME, match_xfeat, runs
@@ -52,12 +52,14 @@ def solve_poses(
     many registered. Raises CaptureError when fewer than three, or fewer than 60 %, do.
     """
     paths = photograph_keyframes(plain_photographs(folder, progress), settings.max_keyframes, progress, names)
-    features: list[Features] = []
-    sizes = []
-    for path in progress.track(paths, "Solving camera poses: features"):
-        image = _sized(path, settings)
-        sizes.append((image.shape[1], image.shape[0]))
-        features.append(sift(image, settings.max_features))
+    sizes = [(0, 0)] * len(paths)
+
+    def image(index: int) -> np.ndarray:
+        sized = _sized(paths[index], settings)
+        sizes[index] = (sized.shape[1], sized.shape[0])
+        return sized
+
+    features = sift_each(image, len(paths), settings.max_features, progress, "Solving camera poses: features")
     matched = Matched(features, match_all(features, settings, progress, "Solving camera poses: matches"))
     found = _Photographs(paths, sizes, settings, progress).solved(matched)
     best = found.best

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from scipy import ndimage
 from scipy.spatial import ConvexHull, QhullError
-from skimage.measure import approximate_polygon, find_contours
+from skimage.measure import find_contours
 
 from ...core.cameras import Camera
 from ...core.errors import GeometryError
@@ -58,6 +58,8 @@ def seen_floor(proxy: GeometryProxy, cameras: Sequence[Camera]) -> np.ndarray:
     piece = ndimage.binary_fill_holes(pieces == 1 + np.argmax(vouched))
     if piece.sum() * _CELL_M**2 < _SMALLEST_M2:
         return _hull(points)
+    from skimage.measure import approximate_polygon  # its module imports scipy.signal: most of a command's start
+
     outline = max(find_contours(piece.astype(np.float64), 0.5), key=len)
     return origin + _CELL_M * approximate_polygon(outline, 1.0)[:-1, ::-1]
 

@@ -1,0 +1,78 @@
+"""SIFT features of many images, on all cores: COLMAP's extractor keeps Python's lock, so in child processes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.progress import SILENT, Progress
+from ...core.resources import available_cores
+from ...core.scratch import ScratchFolder
+from ...core.threads import in_threads
+from ...workers.child import call_in_child
+from .features import Features, grey_levels, sift_of_grey
+
+_WORTH_PX = 3_000_000
+"""Of all images: a child process takes half a second to start, and SIFT two for a megapixel."""
+_AT_ONCE = 8  # images of a child: their features are kept in files meanwhile, and progress is told after them
+_TIMEOUT_S = 3600.0
+
+
+def sift_each(
+    image: Callable[[int], np.ndarray],
+    count: int,
+    max_features: int,
+    progress: Progress = SILENT,
+    title: str = "Finding features",
+) -> list[Features]:
+    """``sift`` of each ``image(index)``, (H, W, 3) float32 in [0, 1] or uint8, below ``count``.
+
+    ``image`` is called in threads where there is more than one core. The features are the same to the bit wherever
+    they are found. Raises what ``image`` raises, and NativeError where the extractor ends its process.
+    """
+    if not count:
+        return []
+    first = grey_levels(image(0))
+    cores = available_cores()
+    with progress.task(title, count) as task:
+        if cores == 1 or first.size * count < _WORTH_PX:
+            features = []
+            for index in range(count):
+                features.append(sift_of_grey(first if index == 0 else grey_levels(image(index)), max_features))
+                task.advance()
+            return features
+
+        def found(indices: range) -> list[Features]:
+            greys = [first if index == 0 else grey_levels(image(index)) for index in indices]
+            return _in_child(greys, max_features)
+
+        step = min(-(-count // cores), _AT_ONCE)
+        parts = [range(start, min(start + step, count)) for start in range(0, count, step)]
+        features = []
+        for part in in_threads(found, parts, SILENT, title):
+            features += part
+            task.advance(len(part))
+        return features
+
+
+def _in_child(greys: list[np.ndarray], max_features: int) -> list[Features]:
+    with ScratchFolder() as folder:
+        np.savez(Path(folder, "images.npz"), *greys)
+        call_in_child(detect_in_child, {"folder": folder, "max_features": max_features}, timeout_s=_TIMEOUT_S)
+        with np.load(Path(folder, "features.npz"), allow_pickle=False) as data:
+            return [Features(data[f"keypoints_{i}"], data[f"descriptors_{i}"]) for i in range(len(greys))]
+
+
+def detect_in_child(request: dict[str, Any]) -> dict[str, Any]:
+    """The features of the images in a folder; runs in a child process and writes ``features.npz``."""
+    folder = Path(request["folder"])
+    found: dict[str, np.ndarray] = {}
+    with np.load(folder / "images.npz", allow_pickle=False) as data:
+        for index, name in enumerate(data.files):
+            features = sift_of_grey(data[name], request["max_features"])
+            found |= {f"keypoints_{index}": features.keypoints, f"descriptors_{index}": features.descriptors}
+    np.savez(folder / "features.npz", **found)
+    return {}
