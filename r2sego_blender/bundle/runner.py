@@ -32,7 +32,7 @@ class Step:
     writes it at the path it is given. ``inputs`` are files and folders, inside the bundle when
     relative; ``parameters`` are dataclasses or JSON values. ``read`` reads the result as later steps
     do: one that is not as it was published is kept as a person's edit where that succeeds. Without it
-    any change is damage.
+    any change is damage. ``seconds`` are what it took where it was computed before, beside others.
     """
 
     target: str
@@ -40,6 +40,7 @@ class Step:
     inputs: Sequence[str] = ()
     parameters: Any = None
     read: Callable[[], object] | None = None
+    seconds: float = 0.0
 
 
 class Runner:
@@ -63,13 +64,14 @@ class Runner:
         settings: Any = None,
         fits: Callable[..., object] | None = None,
         also: Sequence[str] = (),
+        seconds: float = 0.0,
     ) -> Artifact[Held]:
         """See that ``made`` is there: what ``compute`` returns, called with all that is taken, loaded.
 
         An artifact without a writer is written by ``compute``, which is given the place first.
         ``settings`` are all that it depends on besides. ``fits`` raises where an edited result does not
         belong to what it was made of: it is called as ``fits(result, *taken)``. ``also`` names what the
-        key holds although nothing is read of it.
+        key holds although nothing is read of it. ``seconds`` are what ``compute`` returns at once took before.
         """
 
         def write(place: Path) -> None:
@@ -86,7 +88,8 @@ class Runner:
                 fits(self.scene.read(made), *(self.scene.read(one) for one in takes))
 
         inputs = [*dict.fromkeys([*(one.key for one in takes), *also])]
-        self.step(made.name, write, inputs=inputs, parameters=settings, read=read if made.editable else None)
+        read_edited = read if made.editable else None
+        self.step(made.name, write, inputs=inputs, parameters=settings, read=read_edited, seconds=seconds)
         return made
 
     def step(self, target: str, compute: Callable[[Path], object], **known: Any) -> Path:
@@ -112,7 +115,7 @@ class Runner:
             "inputs": key,
             "output": content_digest(place),
             "started": round(started, 3),
-            "seconds": round(time.monotonic() - started_s, 3),
+            "seconds": round(time.monotonic() - started_s + step.seconds, 3),
             "frame": frame_of_output(scene.declaration.world_from_capture, step.inputs, scene.journal()),
         }
         with disk_errors(scene.path):

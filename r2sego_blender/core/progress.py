@@ -17,6 +17,7 @@ import json
 import math
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -79,6 +80,29 @@ class Progress:
 
 
 SILENT = Progress()
+
+
+class SideBySide(Progress):
+    """What works tell that run in threads beside each other: units of all their tasks are units of one ``task``."""
+
+    def __init__(self, task: Task, progress: Progress) -> None:
+        self._task, self._progress, self._telling = task, progress, threading.Lock()
+
+    @contextmanager
+    def task(self, title: str, total: int) -> Iterator[Task]:
+        yield _BarTask(title, total, self._advance)
+
+    def message(self, text: str, level: str = "info") -> None:
+        with self._telling:
+            self._progress.message(text, level)
+
+    def picture(self, title: str, make: Callable[[], np.ndarray]) -> None:
+        with self._telling:
+            self._progress.picture(title, make)
+
+    def _advance(self, units: int) -> None:
+        with self._telling:
+            self._task.advance(units)
 
 
 class TerminalProgress(Progress):

@@ -2,13 +2,15 @@
 
 import io
 import json
+import threading
 
 import numpy as np
 import pytest
+from progress_recorder import ProgressRecorder
 
 from r2sego_blender.core import progress as progress_module
 from r2sego_blender.core.images import load_image
-from r2sego_blender.core.progress import JOB_FOLDER_VARIABLE, SILENT, JsonProgress, TerminalProgress
+from r2sego_blender.core.progress import JOB_FOLDER_VARIABLE, SILENT, JsonProgress, SideBySide, TerminalProgress
 
 
 def never():
@@ -82,3 +84,24 @@ def test_a_log_says_every_minute_that_the_work_goes_on(capsys, monkeypatch):
         pass
     told = capsys.readouterr().err.splitlines()
     assert [line.partition(" in ")[0] for line in told] == [f"Dense stereo: {n}/8" for n in (3, 6, 8)]
+
+
+def test_what_runs_side_by_side_is_one_task():
+    recorder, most = ProgressRecorder(), 4
+    ready = threading.Barrier(most)
+
+    def work(progress):
+        ready.wait(60.0)
+        for _ in progress.track(range(500), "Training one"):
+            pass
+        progress.message("done")
+
+    with recorder.task("Training four", 500 * most) as task:
+        beside = SideBySide(task, recorder)
+        threads = [threading.Thread(target=work, args=(beside,)) for _ in range(most)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    assert [(one.title, one.done, one.total) for one in recorder.tasks] == [("Training four", 2000, 2000)]
+    assert recorder.messages == [("info", "done")] * most

@@ -4,12 +4,14 @@ import sys
 import threading
 from pathlib import Path
 
+import numba
 import pytest
 from progress_recorder import ProgressRecorder
 
+from r2sego_blender.core import threads as threads_module
 from r2sego_blender.core.progress import SILENT
 from r2sego_blender.core.resources import available_cores
-from r2sego_blender.core.threads import in_threads
+from r2sego_blender.core.threads import in_threads, in_threads_of_kernels, kernel_callers
 
 TASKS = Path("/proc/self/task")
 
@@ -63,6 +65,51 @@ def test_each_item_is_a_unit_of_progress():
     progress = ProgressRecorder()
     assert list(in_threads(str, range(5), progress, "Five")) == ["0", "1", "2", "3", "4"]
     assert [(task.title, task.total, task.done) for task in progress.tasks] == [("Five", 5, 5)]
+
+
+@pytest.mark.parametrize(
+    ("cores", "count", "at_a_time", "expected"),
+    [
+        (2, 3, 0, [1, 1, 2]),  # the last one has no other beside it
+        (2, 4, 0, [1, 1, 1, 1]),
+        (2, 1, 0, [2]),
+        (2, 3, 1, [2, 2, 2]),
+        (1, 3, 0, [1, 1, 1]),
+        (8, 3, 0, [2, 2, 2]),
+        (8, 0, 0, []),
+    ],
+)
+def test_those_that_run_at_a_time_share_the_cores(monkeypatch, cores, count, at_a_time, expected):
+    given = threading.local()
+    monkeypatch.setattr(numba, "threading_layer", lambda: "omp")
+    monkeypatch.setattr(numba, "get_num_threads", lambda: cores)
+    monkeypatch.setattr(numba, "set_num_threads", lambda threads: setattr(given, "threads", threads))
+    found = in_threads_of_kernels(lambda item: (item, given.threads), range(count), SILENT, "Some", at_a_time)
+    assert list(found) == list(enumerate(expected))
+
+
+def test_where_numbas_threads_bear_one_caller_it_is_one_after_the_other(monkeypatch):
+    monkeypatch.setattr(numba, "threading_layer", lambda: threads_module._ONE_CALLER)
+    at_work, most = threading.Semaphore(1), numba.get_num_threads()
+
+    def work(item):
+        assert at_work.acquire(blocking=False), "another is at work"
+        threading.Event().wait(0.01)
+        at_work.release()
+        return item, numba.get_num_threads()
+
+    assert kernel_callers() == 1
+    assert list(in_threads_of_kernels(work, range(5), SILENT, "Some")) == [(item, most) for item in range(5)]
+
+
+def test_who_asked_keeps_its_threads(with_threads):
+    def asked():
+        before = numba.get_num_threads()
+        list(in_threads_of_kernels(str, range(3), SILENT, "Some"))
+        return before, numba.get_num_threads()
+
+    for count in (1, numba.config.NUMBA_NUM_THREADS):
+        assert with_threads(count, asked) == (count, count)
 
 
 @pytest.mark.skipif(not TASKS.is_dir(), reason="this system does not list a process's threads")

@@ -28,6 +28,7 @@ from ...captures.sparse_points import SparsePoints
 from ...config.settings import Settings, StereoSettings
 from ...core.images import resize
 from ...core.progress import SILENT, Progress
+from ...core.threads import in_threads_of_kernels
 from ..estimators.aligned_depth import AlignedDepth, certainty_of
 from ..estimators.aligning import is_carried
 from ..stereo.edges import aligned_to_edges
@@ -83,15 +84,19 @@ def complete_depth(
     trusted = trusted_depth(depth_maps, settings.stereo)
     weak = weak_depth(depth_maps, trusted, settings.stereo)
     views = [_View.of(*view) for view in zip(captures, depth_maps, trusted, weak, strict=True)]
-    carrying = [one for one, view in zip(estimates, views, strict=False) if is_carried(view.known)]
-    known = [*(view.known for view in views), *(one.depth for one in carrying)]
+    carrying = [estimate for estimate, view in zip(estimates, views, strict=False) if is_carried(view.known)]
+    known = [*(view.known for view in views), *(estimate.depth for estimate in carrying)]
     farthest_m = _FARTHEST * max((float(depth.max()) for depth in known), default=0.0) or np.inf
+
+    def choose(index: int) -> _Chosen:
+        estimate = estimates[index] if estimates else None
+        points = PointEvidence.of(views[index].camera, sparse.points[sparse.visibility[:, index]])
+        return _chosen(index, views, planes, points, farthest_m, settings, estimate)
+
     with progress.task("Completing depth", 2 * len(views)) as task:
         chosen = []
-        for index, view in enumerate(views):
-            estimate = estimates[index] if estimates else None
-            points = PointEvidence.of(view.camera, sparse.points[sparse.visibility[:, index]])
-            chosen.append(_chosen(index, views, planes, points, farthest_m, settings, estimate))
+        for one in in_threads_of_kernels(choose, range(len(views)), SILENT, "Choosing planes"):
+            chosen.append(one)
             task.advance()
         surfaces, found = [one.surfaces for one in chosen], {}
         for index in sorted(range(len(views)), key=lambda index: -np.count_nonzero(views[index].known)):

@@ -10,11 +10,9 @@ import numba
 import numpy as np
 
 from ...core.cameras import Camera
+from ...core.threads import kernel_callers
 from ..kernels.packing import PackedGaussians
 from .rasterizer import Rasterizer
-
-_ONE_CALLER = "workqueue"
-"""The threading layer of Numba that ends the process when two threads call parallel kernels."""
 
 
 class BatchRasterizer:
@@ -46,10 +44,8 @@ class BatchRasterizer:
                 rasterizer.forward(self._asset, cameras[number], with_depth=False)
                 drawn[number] = rasterizer.colour
 
-        # Who launched a kernel knows the threading layer: the first picture tells how many may be drawn at a time.
-        self._pool.submit(draw, 0, len(cameras)).result()
-        threads = 1 if numba.threading_layer() == _ONE_CALLER else self._threads
-        for done in [self._pool.submit(draw, 1 + number, threads) for number in range(threads)]:
+        threads = min(self._threads, kernel_callers())
+        for done in [self._pool.submit(draw, number, threads) for number in range(threads)]:
             done.result()
         return drawn
 
