@@ -13,9 +13,11 @@
 PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
-# Python compiles the modules that are imported, once; pip would compile all: half of the time that it takes.
-PIP := $(BIN)/pip install --quiet --disable-pip-version-check $(if $(PYTHONDONTWRITEBYTECODE),,--no-compile)
+PIP := $(BIN)/pip install --quiet --disable-pip-version-check
 LOCKED := $(PIP) --require-hashes
+# Python compiles the modules that are imported, once; pip would compile all: most of the time that it takes.
+# Of torch it does: a policy's process imports it where nothing may be written.
+UNCOMPILED := $(if $(PYTHONDONTWRITEBYTECODE),,--no-compile)
 lists = $(foreach list,$(1),--requirement requirements/$(list).txt)
 DEMO_SCENE := build/demo_room.r2s
 # Of torch the index of packages has for Linux the build with CUDA; PyTorch's own has the one for processors.
@@ -33,13 +35,13 @@ help:
 $(VENV)/.installed: pyproject.toml requirements/torch.txt requirements/engine.txt requirements/policy.txt requirements/cluster.txt requirements/cuda.txt | python
 	$(PYTHON) -m venv $(VENV)
 	$(if $(CUDA),,$(LOCKED) --no-deps $(TORCH_FROM) --requirement requirements/torch.txt)
-	$(LOCKED) $(call lists,engine $(if $(CUDA),cuda) $(if $(POLICY),policy) $(if $(CLUSTER),cluster))
+	$(LOCKED) $(UNCOMPILED) $(call lists,engine $(if $(CUDA),cuda) $(if $(POLICY),policy) $(if $(CLUSTER),cluster))
 	$(PIP) --no-index --no-deps --no-build-isolation --editable .
 	@touch $@
 
 # On top, for tests alone: bpy is 350 MB, and needs libraries of X11 and GL that the demo does not.
 $(VENV)/.tests-installed: $(VENV)/.installed requirements/tests.txt
-	$(LOCKED) $(call lists,engine policy tests)
+	$(LOCKED) $(UNCOMPILED) $(call lists,engine policy tests)
 	@touch $@
 
 install: $(VENV)/.installed

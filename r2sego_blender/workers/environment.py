@@ -125,9 +125,18 @@ def make_environment(
         write_text(asked, _locked(lock / f"{name}.txt", by_hash=not reason))
         source = ["--no-index", "--find-links", str(wheels)] if wheels else _index(name)
         alone = ["--no-deps"] if name == "torch" else []
-        _install(python, [*source, *alone, "--requirement", str(asked)], folder, progress, wheels is not None, most_mb)
+        arguments = [*source, *alone, *_uncompiled(name), "--requirement", str(asked)]
+        _install(python, arguments, folder, progress, wheels is not None, most_mb)
     shutil.rmtree(downloads, ignore_errors=True)
     return python
+
+
+def _uncompiled(name: str) -> list[str]:
+    """Python compiles the modules that are imported, once; pip would compile all: most of the time that it takes.
+
+    Of torch it does: a policy's process imports it where nothing may be written.
+    """
+    return [] if name == "torch" or os.environ.get("PYTHONDONTWRITEBYTECODE") else ["--no-compile"]
 
 
 def _locked(file: Path, by_hash: bool) -> str:
@@ -151,8 +160,6 @@ def _install(
     downloads = folder / DOWNLOADS
     command = [
         *(str(python), "-m", "pip", "install", "--disable-pip-version-check", "--progress-bar=off"),
-        # Python compiles the modules that are imported, once; pip would compile all: half of the time that it takes.
-        *([] if os.environ.get("PYTHONDONTWRITEBYTECODE") else ["--no-compile"]),
         *("--cache-dir", str(downloads / "cache")),
         *asked,
     ]
