@@ -17,7 +17,8 @@ from .features import Features, grey_levels, sift_of_grey
 
 _WORTH_PX = 3_000_000
 """Of all images: a child process takes half a second to start, and SIFT two for a megapixel."""
-_AT_ONCE = 8  # images of a child: their features are kept in files meanwhile, and progress is told after them
+_AT_ONCE = 8  # images of a child: progress is told after them
+_MOST_CHILDREN = 8  # an image of 1600 pixels takes half a gigabyte: its scales begin at twice its size
 _TIMEOUT_S = 3600.0
 
 
@@ -36,9 +37,9 @@ def sift_each(
     if not count:
         return []
     first = grey_levels(image(0))
-    cores = available_cores()
+    children = min(available_cores(), _MOST_CHILDREN)
     with progress.task(title, count) as task:
-        if cores == 1 or first.size * count < _WORTH_PX:
+        if children == 1 or first.size * count < _WORTH_PX:
             features = []
             for index in range(count):
                 features.append(sift_of_grey(first if index == 0 else grey_levels(image(index)), max_features))
@@ -49,10 +50,10 @@ def sift_each(
             greys = [first if index == 0 else grey_levels(image(index)) for index in indices]
             return _in_child(greys, max_features)
 
-        step = min(-(-count // cores), _AT_ONCE)
+        step = min(-(-count // children), _AT_ONCE)
         parts = [range(start, min(start + step, count)) for start in range(0, count, step)]
         features = []
-        for part in in_threads(found, parts, SILENT, title):
+        for part in in_threads(found, parts, SILENT, title, children):
             features += part
             task.advance(len(part))
         return features
