@@ -44,7 +44,8 @@ def train_baselines(scene: Scene, baselines: Mapping[str, TrainingSettings], pro
 
     Vanilla's rates, densification and resolution are the original 3DGS', the GaussGym condition's the same but that
     none is added; the same points have this project's, which never densify. On the processor they are trained
-    side by side: two of a thread each take three quarters of the time that they take one after the other.
+    side by side where Numba's threads bear it: two of a thread each take three quarters of the time that they take
+    one after the other.
     """
     h = scene.declaration.settings
     steps = h.rounds * h.training.steps_per_round
