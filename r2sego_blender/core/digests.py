@@ -9,7 +9,6 @@ from pathlib import Path
 
 _HIDDEN = ("desktop.ini", "thumbs.db")  # Windows hides these without a dot
 _WHOLE_BYTES, _END_BYTES = 1 << 26, 1 << 20
-_PART_BYTES = 1 << 16
 
 
 def content_digest(path: Path) -> str:
@@ -28,14 +27,11 @@ def content_digest(path: Path) -> str:
 
 
 def _file_digest(path: Path) -> str:
-    digest = hashlib.sha256()
     try:
         with path.open("rb") as stream:
-            while part := stream.read(_PART_BYTES):
-                digest.update(part)
+            return hashlib.file_digest(stream, "sha256").hexdigest()
     except FileNotFoundError:  # deleted since it was listed
         return ""
-    return digest.hexdigest()
 
 
 def file_identity(path: Path) -> str:

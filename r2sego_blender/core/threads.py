@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
-from .progress import Progress
+from .progress import SILENT, Progress
 from .resources import available_cores
 
 Item = TypeVar("Item")
@@ -21,7 +21,11 @@ adjustment's many small matrices half the processor's time went there."""
 
 
 def in_threads(
-    work: Callable[[Item], Result], items: Iterable[Item], progress: Progress, title: str, threads: int = 0
+    work: Callable[[Item], Result],
+    items: Iterable[Item],
+    progress: Progress = SILENT,
+    title: str = "",
+    threads: int = 0,
 ) -> Iterator[Result]:
     """``work`` of each of the ``items``, in their order, with a unit of ``progress`` each.
 
@@ -39,7 +43,7 @@ def in_threads(
 
 
 def in_threads_of_kernels(
-    work: Callable[[Item], Result], items: Iterable[Item], progress: Progress, title: str, at_a_time: int = 0
+    work: Callable[[Item], Result], items: Iterable[Item], at_a_time: int = 0
 ) -> Iterator[Result]:
     """``in_threads`` of work that calls parallel kernels, which hardly keep all cores busy by themselves.
 
@@ -56,7 +60,7 @@ def in_threads_of_kernels(
         numba.set_num_threads(max(1, cores // beside))  # of this thread alone
         return work(given[place])
 
-    return in_threads(with_its_share, range(len(given)), progress, title, callers)
+    return in_threads(with_its_share, range(len(given)), threads=callers)
 
 
 def kernel_callers() -> int:

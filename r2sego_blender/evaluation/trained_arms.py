@@ -73,7 +73,7 @@ def train_baselines(scene: Scene, baselines: Mapping[str, TrainingSettings], pro
             return asset, time.monotonic() - began_s
 
         on_processor = h.training.backend in cpu.BACKENDS
-        found = in_threads_of_kernels(trained, waiting, SILENT, title, at_a_time=0 if on_processor else 1)
+        found = in_threads_of_kernels(trained, waiting, at_a_time=0 if on_processor else 1)
         for arm, (asset, seconds) in zip(waiting, found, strict=True):
             published(Runner(scene), arm, asset, seconds)
 

@@ -84,7 +84,7 @@ def test_those_that_run_at_a_time_share_the_cores(monkeypatch, cores, count, at_
     monkeypatch.setattr(numba, "threading_layer", lambda: "omp")
     monkeypatch.setattr(numba, "get_num_threads", lambda: cores)
     monkeypatch.setattr(numba, "set_num_threads", lambda threads: setattr(given, "threads", threads))
-    found = in_threads_of_kernels(lambda item: (item, given.threads), range(count), SILENT, "Some", at_a_time)
+    found = in_threads_of_kernels(lambda item: (item, given.threads), range(count), at_a_time)
     assert list(found) == list(enumerate(expected))
 
 
@@ -99,13 +99,13 @@ def test_where_numbas_threads_bear_one_caller_it_is_one_after_the_other(monkeypa
         return item, numba.get_num_threads()
 
     assert kernel_callers() == 1
-    assert list(in_threads_of_kernels(work, range(5), SILENT, "Some")) == [(item, most) for item in range(5)]
+    assert list(in_threads_of_kernels(work, range(5))) == [(item, most) for item in range(5)]
 
 
 def test_who_asked_keeps_its_threads(with_threads):
     def asked():
         before = numba.get_num_threads()
-        list(in_threads_of_kernels(str, range(3), SILENT, "Some"))
+        list(in_threads_of_kernels(str, range(3)))
         return before, numba.get_num_threads()
 
     for count in (1, numba.config.NUMBA_NUM_THREADS):

@@ -14,12 +14,14 @@ from ...core.scratch import ScratchFolder
 from ...core.threads import in_threads
 from ...workers.child import call_in_child
 from .features import Features, grey_levels, sift_of_grey
+from .overlap import load_matches, save_matches
 
 _WORTH_PX = 3_000_000
 """Of all images: a child process takes half a second to start, and SIFT two for a megapixel."""
 _AT_ONCE = 8  # images of a child: progress is told after them
 _MOST_CHILDREN = 8  # an image of 1600 pixels takes half a gigabyte: its scales begin at twice its size
 _TIMEOUT_S = 3600.0
+_IMAGES, _FEATURES = "images.npz", "features.npz"
 
 
 def sift_each(
@@ -37,43 +39,40 @@ def sift_each(
     if not count:
         return []
     first = grey_levels(image(0))
+
+    def grey(index: int) -> np.ndarray:
+        return first if index == 0 else grey_levels(image(index))
+
+    def found(indices: range) -> list[Features]:
+        return _in_child([grey(index) for index in indices], max_features)
+
+    features: list[Features] = []
     children = min(available_cores(), _MOST_CHILDREN)
     with progress.task(title, count) as task:
         if children == 1 or first.size * count < _WORTH_PX:
-            features = []
             for index in range(count):
-                features.append(sift_of_grey(first if index == 0 else grey_levels(image(index)), max_features))
+                features.append(sift_of_grey(grey(index), max_features))
                 task.advance()
             return features
-
-        def found(indices: range) -> list[Features]:
-            greys = [first if index == 0 else grey_levels(image(index)) for index in indices]
-            return _in_child(greys, max_features)
-
         step = min(-(-count // children), _AT_ONCE)
         parts = [range(start, min(start + step, count)) for start in range(0, count, step)]
-        features = []
-        for part in in_threads(found, parts, SILENT, title, children):
+        for part in in_threads(found, parts, threads=children):
             features += part
             task.advance(len(part))
-        return features
+    return features
 
 
 def _in_child(greys: list[np.ndarray], max_features: int) -> list[Features]:
     with ScratchFolder() as folder:
-        np.savez(Path(folder, "images.npz"), *greys)
+        np.savez(Path(folder, _IMAGES), *greys)
         call_in_child(detect_in_child, {"folder": folder, "max_features": max_features}, timeout_s=_TIMEOUT_S)
-        with np.load(Path(folder, "features.npz"), allow_pickle=False) as data:
-            return [Features(data[f"keypoints_{i}"], data[f"descriptors_{i}"]) for i in range(len(greys))]
+        return load_matches(Path(folder, _FEATURES))[0]
 
 
 def detect_in_child(request: dict[str, Any]) -> dict[str, Any]:
-    """The features of the images in a folder; runs in a child process and writes ``features.npz``."""
+    """The features of the images in a folder; runs in a child process."""
     folder = Path(request["folder"])
-    found: dict[str, np.ndarray] = {}
-    with np.load(folder / "images.npz", allow_pickle=False) as data:
-        for index, name in enumerate(data.files):
-            features = sift_of_grey(data[name], request["max_features"])
-            found |= {f"keypoints_{index}": features.keypoints, f"descriptors_{index}": features.descriptors}
-    np.savez(folder / "features.npz", **found)
+    with np.load(folder / _IMAGES, allow_pickle=False) as data:
+        features = [sift_of_grey(data[name], request["max_features"]) for name in data.files]
+    save_matches(folder / _FEATURES, features, {})
     return {}

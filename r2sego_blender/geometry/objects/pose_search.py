@@ -7,13 +7,13 @@ world = linear @ canonical + place.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 
 from ...core.compiled import kernel
+from ...core.threads import in_threads
 from .silhouettes import BOTH, DRAWN, MASK_ONLY, SHAPE_ONLY, MaskViews, count_pixels, scratch
 from .surface_distance import SurfaceGrid, surface_distance
 
@@ -59,7 +59,7 @@ def energies(problem: Problem, poses: np.ndarray) -> np.ndarray:
     """(K,) energies of ``poses`` (K, 12)."""
     found = np.empty(len(poses))
     parts = np.array_split(np.arange(len(poses)), _PARTS_A_THREAD * numba.get_num_threads())
-    _in_threads(lambda part: _energies(problem, poses, part, found), parts)
+    _on_all_cores(lambda part: _energies(problem, poses, part, found), parts)
     return found
 
 
@@ -74,14 +74,13 @@ def refined(problem: Problem, poses: np.ndarray, steps: np.ndarray, evaluations:
     def refine(k: int) -> None:
         found[k] = _simplex_searches(problem, poses[k], steps, evaluations)
 
-    _in_threads(refine, range(len(poses)))
+    _on_all_cores(refine, range(len(poses)))
     return poses, found
 
 
-def _in_threads(work: Callable, tasks: Iterable) -> None:
+def _on_all_cores(work: Callable[[Any], None], items: Iterable[Any]) -> None:
     """Kernels release the interpreter; Numba's own threads take no tuples in tuples."""
-    with ThreadPoolExecutor(numba.get_num_threads()) as pool:
-        list(pool.map(work, tasks))
+    list(in_threads(work, items, threads=numba.get_num_threads()))
 
 
 @kernel

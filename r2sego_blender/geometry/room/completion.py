@@ -95,7 +95,7 @@ def complete_depth(
 
     with progress.task("Completing depth", 2 * len(views)) as task:
         chosen = []
-        for one in in_threads_of_kernels(choose, range(len(views)), SILENT, "Choosing planes"):
+        for one in in_threads_of_kernels(choose, range(len(views))):
             chosen.append(one)
             task.advance()
         surfaces, found = [one.surfaces for one in chosen], {}
