@@ -1,7 +1,7 @@
 """Try readers with changed inputs.
 
     python -m tools.fuzzing mutate [--count N] [--seed S] [--format NAME ...] [--to FOLDER] [--again]
-    python -m tools.fuzzing guided [FORMAT ...] [--seconds N] [--processes N] [--again]
+    python -m tools.fuzzing guided [FORMAT ...] [--seconds N] [--processes N] [--again | --record]
 
 ``mutate`` reads seeded inputs of every format and ends with a table, and with status 1 where one of them
 is anything but refused or accepted with clean values. ``guided`` has atheris look for inputs that reach
@@ -21,6 +21,7 @@ from pathlib import Path
 from .formats import HARNESSES
 from .guided import guide
 from .harness import Harness
+from .ledger import forget, least_searched, record, searched
 from .mutate import mutate, table
 
 
@@ -30,6 +31,27 @@ def _chosen(names: Sequence[str]) -> list[Harness]:
     if not chosen:
         sys.exit(f"there is no format {', '.join(names)}; `python -m tools.fuzzing formats` lists them")
     return chosen
+
+
+def _guided(given: argparse.Namespace) -> int:
+    if importlib.util.find_spec("atheris") is None:
+        sys.exit("atheris is not installed here: pip install -e .[fuzz], under Python 3.11")
+    names = [one.name for one in _chosen(given.format)]
+    asked = least_searched(names, given.seconds) if given.record else dict.fromkeys(names, given.seconds)
+
+    def search(name: str) -> tuple[int, int]:
+        runs, failing = guide(name, asked[name], given.to, given.again)
+        told = "nothing was tried: see the log" if not runs else f"{runs} inputs, {failing} kinds of failing ones"
+        print(f"{name}: {told} in {given.to}", flush=True)
+        if given.record and failing:
+            forget(name)
+        elif given.record and runs:
+            record(name, asked[name], runs)
+        return runs, failing
+
+    with ThreadPoolExecutor(given.processes) as pool:
+        found = list(pool.map(search, asked))
+    return 1 if any(failing or not runs for runs, failing in found) else 0
 
 
 def main() -> None:
@@ -48,22 +70,17 @@ def main() -> None:
     guided.add_argument("--seconds", type=int, default=600, help="for each")
     guided.add_argument("--processes", type=int, default=1, help="formats at a time")
     guided.add_argument("--to", type=Path, default=Path("build/fuzzing_guided"))
-    guided.add_argument("--again", action="store_true", help="count what earlier runs into the folder searched")
-    commands.add_parser("formats", help="list the formats")
+    counted = guided.add_mutually_exclusive_group()
+    counted.add_argument("--again", action="store_true", help="count what earlier runs into the folder searched")
+    counted.add_argument("--record", action="store_true", help="count what searched.json has, and add to it")
+    commands.add_parser("formats", help="list the formats, and for how long each was searched")
     given = parser.parse_args()
     if given.command == "formats":
-        print("\n".join(one.name for one in HARNESSES))
+        done = searched()
+        for one in HARNESSES:
+            print(f"{one.name:40}{done[one.name].seconds:6} s" if one.name in done else one.name)
     elif given.command == "guided":
-        names = [one.name for one in _chosen(given.format)]
-        if importlib.util.find_spec("atheris") is None:
-            sys.exit("atheris is not installed here: pip install -e .[fuzz], under Python 3.11")
-        with ThreadPoolExecutor(given.processes) as pool:
-            found = list(pool.map(lambda name: guide(name, given.seconds, given.to, given.again), names))
-        for name, (runs, failing) in zip(names, found, strict=True):
-            print(f"{name}: {runs} inputs, {failing} kinds of failing ones")
-        if unread := [name for name, (runs, _) in zip(names, found, strict=True) if not runs]:
-            print(f"nothing was tried of {', '.join(unread)}: see the logs in {given.to}")
-        sys.exit(1 if unread or any(failing for _, failing in found) else 0)
+        sys.exit(_guided(given))
     else:
         chosen = _chosen(given.format)
         tally = mutate(given.count, given.seed, chosen, given.to, given.processes, given.again)
