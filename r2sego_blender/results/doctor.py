@@ -1,4 +1,4 @@
-"""What this machine has and lacks: packages with their purpose and size, and room on disk."""
+"""What this machine has and lacks: packages with their purpose and size, threads, and room on disk."""
 
 from __future__ import annotations
 
@@ -59,6 +59,14 @@ PACKAGES = (
 REQUIRED_MB = sum(package.size_mb for package in PACKAGES if package.required)
 """Room all required packages take, MB."""
 
+THREADING_LAYERS = {
+    "tbb": "TBB",
+    "omp": "OpenMP",
+    "workqueue": "Numba's own, with which training takes a third longer: install OpenMP's library"
+    " (Debian and Ubuntu: libgomp1)",
+}
+"""By Numba's name, what the compiled kernels have their threads from."""
+
 SCENE_SPACE_MB = 1600
 """Room that a scene of six photographs takes with the preset ``paper``; with ``preview`` it is 350."""
 
@@ -74,6 +82,7 @@ def examine(packages: Sequence[Package] = PACKAGES) -> dict[str, Any]:
         "interpreter": sys.executable,
         "machine": f"{platform.system()} {platform.machine()}",
         "packages": found,
+        "threading_layer": _threading_layer(),
         "free_disk_mb": free_mb,
         "scene_space_mb": SCENE_SPACE_MB,
         "missing_mb": sum(p["size_mb"] for p in missing if p["required"]),
@@ -91,6 +100,8 @@ def lines(findings: dict[str, Any]) -> list[str]:
     for package in findings["packages"]:
         state = package["version"] or ("MISSING" if package["required"] else "not installed (optional)")
         text.append(f"  {package['name']:<24} {state:<26} {package['size_mb']:>4} MB  {package['purpose']}")
+    if layer := findings["threading_layer"]:
+        text += ["", f"threads of the kernels: {THREADING_LAYERS.get(layer, layer)}"]
     text += ["", f"free disk: {findings['free_disk_mb']} MB (a scene takes about {findings['scene_space_mb']} MB)"]
     wanted = [p["name"] for p in findings["packages"] if p["version"] is None and p["required"]]
     if wanted:
@@ -102,6 +113,16 @@ def lines(findings: dict[str, Any]) -> list[str]:
     else:
         text.append("the disk is nearly full: make room")
     return text
+
+
+def _threading_layer() -> str | None:
+    try:
+        import numba
+
+        numba.get_num_threads()  # loads it
+    except (ImportError, ValueError):  # ValueError: Numba is told to take one that is not here
+        return None
+    return str(numba.threading_layer())
 
 
 def _examine_package(package: Package) -> dict[str, Any]:
