@@ -91,8 +91,8 @@ def told(entry: Mapping[str, Any]) -> str:
     if not entry.get("views"):
         return ""
     gains = [view["removed"] for view in entry["views"]]
-    worse = sum(gain < 0.0 for gain in gains)
+    better, worse = sum(gain > 0.0 for gain in gains), sum(gain < 0.0 for gain in gains)
     return (
         f"generated views removed {100.0 * entry['removed']:.1f}% of the squared error without them: "
-        f"{len(gains) - worse} of {len(gains)} removed some where they look, {worse} added some"
+        f"{better} of {len(gains)} removed some where they look, {worse} added some"
     )

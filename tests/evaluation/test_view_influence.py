@@ -106,3 +106,8 @@ def test_nothing_is_told_without_both_arms_or_without_views(refined, tmp_path):
     assert view_influence(refined, views, {REFINED: images[REFINED]}, depths) == {} and told({}) == ""
     shutil.rmtree(refined.round_folder(0) / "views")
     assert view_influence(refined, views, images, depths) == {}
+
+
+def test_a_view_that_removed_nothing_removed_none_and_added_none():
+    entry = {"removed": 0.1, "views": [{"removed": one} for one in (0.2, 0.0, -0.0, -0.1)]}
+    assert "1 of 4 removed some" in told(entry) and "1 added some" in told(entry)

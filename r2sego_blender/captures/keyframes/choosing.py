@@ -38,7 +38,7 @@ class Keyframe:
     path: Path
 
     def __str__(self) -> str:
-        minutes, seconds = divmod(self.time_s, 60.0)
+        minutes, seconds = divmod(round(self.time_s, 2), 60.0)
         return f"{self.number} ({int(minutes)}:{seconds:05.2f})"
 
 

@@ -94,14 +94,23 @@ class SensorDepth:
                     cure="Export both again.",
                 )
             depth[believed == 0] = 0.0
-            highest = next(level for level in _HIGHEST_CONFIDENCE if believed.max(initial=0) <= level)
+            most = believed.max(initial=0)
+            highest = next((level for level in _HIGHEST_CONFIDENCE if most <= level), None)
+            if highest is None:  # NaN, too
+                raise CaptureError(
+                    f"it goes up to {most:g}, which is no confidence",
+                    where=sure,
+                    cure="Give levels of 0 to 2, or of 8 or 16 bits, or take the file away.",
+                )
             doubt[believed < highest] = _LESS_SURE
         depth[depth > self.range_m] = 0.0
         return _upright(depth, capture, path), _upright(doubt, capture, path)
 
 
 def _named(folder: Path, stem: str, suffixes: tuple[str, ...]) -> Path | None:
-    return next((p for suffix in suffixes if (p := folder / f"{stem}{suffix}").is_file()), None)
+    """The file of this name with the first of the suffixes that is there, in small letters or in capitals."""
+    spelled = (name for suffix in suffixes for name in (f"{stem}{suffix}", f"{stem}{suffix.upper()}"))
+    return next((path for name in spelled if (path := folder / name).is_file()), None)
 
 
 def map_in_own_unit(folder: Path, stem: str, capture: Capture) -> np.ndarray | None:
@@ -131,9 +140,10 @@ def _values(path: Path) -> np.ndarray:
     """The numbers (h, w) of a map's file."""
     if path.stat().st_size > _LARGEST_FILE_BYTES:
         raise _unreadable(path, "it is too large")
-    if path.suffix in (".npy", ".npz"):
+    suffix = path.suffix.lower()
+    if suffix in (".npy", ".npz"):
         values = _read_arrays(path)
-    elif path.suffix == ".exr":
+    elif suffix == ".exr":
         values = _read_exr(path)
     else:
         values = _read_image(path)
@@ -153,7 +163,7 @@ def _read_image(path: Path) -> np.ndarray:
 
 def _read_arrays(path: Path) -> np.ndarray:
     try:
-        if path.suffix == ".npy":
+        if path.suffix.lower() == ".npy":
             return load_array(path)
         with arrays_of(path) as arrays:
             return arrays["depth" if "depth" in arrays else arrays.files[0]]

@@ -193,7 +193,7 @@ def _is_rotation(name: str, values: np.ndarray | None) -> bool:
     if values is None or values.dtype.kind != "f" or not np.isfinite(values).all():
         return False
     if values.shape[1:] == (4,):
-        return bool(np.abs(np.linalg.norm(values, axis=1) - 1.0).max() < _UNIT)
+        return bool(np.abs(np.linalg.norm(values, axis=1) - 1.0).max(initial=0.0) < _UNIT)
     if values.shape[1:] == (3, 3):
-        return bool(np.abs(values @ values.transpose(0, 2, 1) - np.eye(3)).max() < _UNIT)
+        return bool(np.abs(values @ values.transpose(0, 2, 1) - np.eye(3)).max(initial=0.0) < _UNIT)
     return False

@@ -293,8 +293,8 @@ def _read_csv(path: Path) -> RobotRecording:
 
 
 def _lines(path: Path) -> Iterator[str]:
-    """The lines that hold something, one at a time. Raises OSError and ValueError."""
-    with opened_file(path) as file, io.TextIOWrapper(file, encoding="utf-8") as text:
+    """The lines that hold something, one at a time; a mark before UTF-8 is none. Raises OSError and ValueError."""
+    with opened_file(path) as file, io.TextIOWrapper(file, encoding="utf-8-sig") as text:
         while line := text.readline(_LONGEST_LINE):
             if len(line) == _LONGEST_LINE:
                 raise ValueError(f"a line has more than {_LONGEST_LINE} characters")
@@ -380,6 +380,7 @@ def _robot(fields: MotionFields) -> RobotRecording:
     joints = fields.array(JOINTS, 2)
     if joints is None:
         raise motion_error(path, "it has neither qpos, joint_pos nor rigid_body_pos")
+    _check_frames(path, len(joints))
     root, quaternion = fields.rows(ROOT_POSITIONS, len(joints), 3), fields.rows(ROOT_ROTATIONS, len(joints), 4)
     order = "".join(fields.words(QUATERNION_ORDER))
     bodies = _bodies(fields, len(joints), quaternion is not None)

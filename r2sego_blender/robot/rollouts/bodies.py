@@ -124,7 +124,8 @@ def save_bodies(
 def _rate_hz(rollouts: Sequence[Rollout]) -> float:
     """Frames a second, of the longest rollout; times are whole steps of the simulation."""
     times_s = max((rollout.times_s for rollout in rollouts), key=len, default=np.empty(0))
-    return round((len(times_s) - 1) / float(times_s[-1] - times_s[0]), 2) if len(times_s) > 1 else 1.0
+    span_s = float(np.ptp(times_s)) if len(times_s) else 0.0
+    return round((len(times_s) - 1) / span_s, 2) if span_s > 0.0 else 1.0
 
 
 def _key(rollout: int) -> str:

@@ -14,7 +14,7 @@ from expected_errors import refused
 from phone_videos import PHONE_VIDEO, filmed, write_video
 
 from r2sego_blender.captures.keyframes import video_frames
-from r2sego_blender.captures.keyframes.choosing import photograph_keyframes, video_keyframes
+from r2sego_blender.captures.keyframes.choosing import Keyframe, photograph_keyframes, video_keyframes
 from r2sego_blender.core.errors import CaptureError
 from r2sego_blender.core.images import load_image_uint8, save_image
 from r2sego_blender.workers.child import call_in_child, kill_children
@@ -167,3 +167,8 @@ def test_of_many_photographs_as_many_are_taken_as_are_asked_for(frames, tmp_path
     assert photograph_keyframes(paths, 6, messages, ["IMG_004.png", "IMG_001.png"]) == [paths[1], paths[4]]
     with pytest.raises(CaptureError, match="no photograph 'IMG_4'"):
         photograph_keyframes(paths, 6, messages, ["IMG_4"])
+
+
+@pytest.mark.parametrize(("time_s", "told"), [(59.994, "0:59.99"), (59.997, "1:00.00"), (125.5, "2:05.50")])
+def test_a_minute_has_sixty_seconds(tmp_path, time_s, told):
+    assert f"({told})" in str(Keyframe(1, time_s, tmp_path))

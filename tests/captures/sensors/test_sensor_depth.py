@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zipfile
 
+import cv2
 import numpy as np
 import OpenEXR
 import pytest
@@ -71,3 +72,23 @@ def test_an_exr_without_channels_is_refused(tmp_path, capture):
     (tmp_path / "c.exr").write_bytes(b"\x76\x2f\x31\x01" + bytes(40))
     with pytest.raises(CaptureError, match=r"c\.exr"):
         SensorDepth(tmp_path).of(capture, "c")
+
+
+@pytest.mark.parametrize("worst", [1e6, np.nan])
+def test_a_confidence_that_is_none_is_refused(tmp_path, capture, worst):
+    for name in ("depth", "confidence"):
+        (tmp_path / name).mkdir()
+    np.save(tmp_path / "depth/c.npy", np.ones((24, 32), np.float32))
+    believed = np.full((24, 32), 2.0, np.float32)
+    believed[3, 4] = worst
+    assert cv2.imwrite(str(tmp_path / "confidence/c.tiff"), believed)
+    with pytest.raises(CaptureError, match=r"c\.tiff: .*no confidence"):
+        SensorDepth.beside(tmp_path / "depth").of(capture, "c")
+
+
+@pytest.mark.parametrize("suffix", [".NPY", ".NPZ", ".EXR"])
+def test_a_suffix_may_be_in_capitals(tmp_path, capture, suffix):
+    values = np.linspace(1.0, 2.0, 24 * 32, dtype=np.float32).reshape(24, 32)
+    _write(tmp_path / f"c{suffix.lower()}", values)
+    (tmp_path / f"c{suffix.lower()}").rename(tmp_path / f"c{suffix}")
+    np.testing.assert_array_equal(SensorDepth(tmp_path).of(capture, "c"), values)

@@ -390,3 +390,20 @@ def test_the_origin_of_a_foot_stands_its_height_above_the_sole(humanoid, quadrup
         data = posed(robot.model, robot.rest_qpos)
         for leg in robot.legs:
             assert data.xpos[leg.foot, 2] - leg.origin_m == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("head", ["", '# rate_hz = 100, quaternion = "xyzw"\n'])
+def test_a_mark_before_utf_8_is_no_part_of_a_table(humanoid, tmp_path, head):
+    plain = csv(tmp_path / "plain.csv", swaying(humanoid), "xyzw", head)
+    (tmp_path / "marked.csv").write_bytes(b"\xef\xbb\xbf" + plain.read_bytes())
+    expected, found = (read_recording(tmp_path / name) for name in ("plain.csv", "marked.csv"))
+    assert found.names == expected.names and found.rate_hz == expected.rate_hz
+    np.testing.assert_array_equal(found.joints, expected.joints)
+
+
+@pytest.mark.parametrize("bodies", [("body_pos_w", (0, 5, 3)), ("strange", (0, 4)), ("other", (0, 3, 3))])
+def test_a_motion_without_frames_is_refused(tmp_path, bodies):
+    name, shape = bodies
+    np.savez(tmp_path / "m.npz", joint_pos=np.zeros((0, 29)), **{name: np.zeros(shape)})
+    with pytest.raises(RobotError, match=r"m\.npz"):
+        read_recording(tmp_path / "m.npz")
