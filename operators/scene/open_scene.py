@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from ...r2sego_blender.bundle.declaration import DECLARATION
+from ...r2sego_blender.bundle.layout import DECLARATION
 from ...r2sego_blender.core.errors import SceneError
 from ...r2sego_blender.results.panels.bundle import Bundle
 from .. import state

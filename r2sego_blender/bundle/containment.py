@@ -12,6 +12,7 @@ import stat
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from ..core.errors import SceneError
+from .layout import DECLARATION
 
 _JUNCTION = getattr(stat, "IO_REPARSE_TAG_MOUNT_POINT", None)
 """What Windows has beside links."""
@@ -56,6 +57,23 @@ def inside(bundle: Path, name: str) -> Path:
     if not _lies_in(os.path.realpath(place), os.path.realpath(bundle)):
         raise _leads_out(place)
     return place
+
+
+def require_outside(place: Path) -> None:
+    """Raises SceneError where ``place`` is among what a bundle's steps read and publish.
+
+    Hidden folders of a bundle are none of that: Blender has what it shows there.
+    """
+    resolved = place.resolve()
+    for bundle in (resolved, *resolved.parents):
+        if (bundle / DECLARATION).is_file():
+            names = resolved.relative_to(bundle).parts
+            if not names or not names[0].startswith("."):
+                raise SceneError(
+                    "this lies in a scene, which only its own steps write into",
+                    where=place,
+                    cure="Choose a place outside of the scene.",
+                )
 
 
 def make_folder(folder: Path, bundle: Path) -> None:

@@ -13,8 +13,9 @@ from ..core.atomic_files import UNFINISHED, flush, remove, rename
 from ..core.errors import SceneError
 from ..core.file_locks import try_lock
 from ..core.scratch import keeping, scratch_place
-from .declaration import DECLARATION, Declaration, write_declaration
+from .declaration import Declaration, write_declaration
 from .disk import disk_errors
+from .layout import DECLARATION
 from .locks import LOCK
 from .scene import Scene
 

@@ -18,13 +18,10 @@ from ..core.atomic_files import write_whole
 from ..core.cameras import is_similarity
 from ..core.errors import SceneError, SettingsError
 from .backends import BACKENDS, chosen_backends
-from .layout import SCOPE_FILE
+from .layout import DECLARATION, SCOPE_FILE
 
 FORMAT = 1
 """The version of the bundle's layout."""
-
-DECLARATION = "scene.toml"
-"""The file in the bundle."""
 
 _FORM_OF_MATRIX = "Write the similarity's four rows of four numbers, or make the scene anew with `r2sego new`."
 
@@ -121,7 +118,10 @@ def read_declaration(path: Path) -> Declaration:
     try:
         data = reader.tables("Mend the line.")
     except (FileNotFoundError, NotADirectoryError) as error:
-        raise SceneError("this is not a scene bundle", where=file, cure="Make one with `r2sego new`.") from error
+        if path.is_dir():
+            raise SceneError("this is not a scene bundle", where=file, cure="Make one with `r2sego new`.") from error
+        what = "this is a file, and a scene is a folder" if path.exists() else "there is no such folder"
+        raise SceneError(what, where=path, cure="Check the path; `r2sego new` makes a scene.") from error
     if data.get("format") != FORMAT:
         raise SceneError(
             f"the bundle has format {data.get('format')!r}, this version reads {FORMAT}",

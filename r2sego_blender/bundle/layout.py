@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+DECLARATION = "scene.toml"
 CAPTURES = "captures"
 SPARSE = "captures/sparse.npz"
 SENSOR_DEPTH = "captures/depth"

@@ -13,9 +13,8 @@ from ..core.atomic_files import CHANGES, finish_replacing
 from ..core.errors import SceneError
 from ..core.file_locks import try_lock
 from .containment import require_contained
-from .declaration import DECLARATION
 from .disk import disk_errors
-from .layout import IN_WORLD_FRAME
+from .layout import DECLARATION, IN_WORLD_FRAME
 
 LOCK = ".lock"
 """The file in the bundle."""

@@ -12,8 +12,8 @@ from typing import TypeVar
 
 from ..core.atomic_files import is_replacing
 from ..core.errors import R2SEgoError, SceneError
-from .declaration import DECLARATION
 from .journal import JOURNAL
+from .layout import DECLARATION
 from .scene import Scene
 
 _Read = TypeVar("_Read")

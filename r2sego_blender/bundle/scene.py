@@ -19,9 +19,10 @@ from . import locks
 from .artifacts import Artifact, Held
 from .backends import controller_backend, layout_backend
 from .containment import inside, make_folder, require_contained
-from .declaration import DECLARATION, Declaration, name_in, read_declaration, write_declaration
+from .declaration import Declaration, name_in, read_declaration, write_declaration
 from .disk import disk_errors
 from .journal import Journal
+from .layout import DECLARATION
 
 
 class Scene:

@@ -39,15 +39,17 @@ def render(source: Path, cameras: Path, folder: Path, stage: str, passes: tuple[
     Writes a PNG for each camera and pass; alpha, depth (metres, 0 where nothing is) and normals (in the
     world) also as exact numbers in a camera's .npz.
     """
+    from ..bundle.containment import require_outside
     from ..results.renderings import asset_and_cameras
     from ..splats.rendering.pictures import save_pictures
 
-    asset, seen_from = asset_and_cameras(source, cameras, stage, output.progress)
+    require_outside(folder)
+    asset, seen_from, photographs = asset_and_cameras(source, cameras, stage, output.progress)
     started = time.monotonic()
     passes = tuple(dict.fromkeys(passes)) or ("colour",)
-    files = list(map(str, save_pictures(asset, seen_from, folder, passes, output.progress)))
+    written = save_pictures(asset, seen_from, folder, passes, output.progress, photographs)
     seconds = round(time.monotonic() - started, 3)
-    told: dict[str, Any] = {"files": files, "gaussians": len(asset), "seconds": seconds}
+    told: dict[str, Any] = {"files": list(map(str, written)), "gaussians": len(asset), "seconds": seconds}
     output.show(told, lambda told: told["files"])
 
 

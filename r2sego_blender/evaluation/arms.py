@@ -63,7 +63,7 @@ ARMS: Mapping[str, ArmSource] = {
     WITHOUT_GENERATED: ArmSource(
         "no generated views",
         "report/without_generated_views/asset.ply",
-        "Algorithm 1 without line 11: completed geometry and backdrop, captures alone",
+        "Algorithm 1 without lines 7 to 12: completed geometry and backdrop, captures alone",
     ),
     REFINED: ArmSource("refined", REFINED_ASSET, "Algorithm 1"),
 }

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
-from ..bundle.declaration import DECLARATION
 from ..bundle.figures import BASELINES
+from ..bundle.layout import DECLARATION
 from ..config.declared_files import Reader, did_you_mean, is_number
 from ..config.fields import setting
 from ..config.presets import PRESETS, by_dotted_keys, preset, with_overrides

@@ -25,7 +25,6 @@ from ..captures.poses.transforms_json import read_transforms_json
 from ..captures.sparse import triangulate
 from ..captures.sparse_points import SparsePoints
 from ..config.settings import CaptureSettings, Settings
-from ..core.cameras import Camera
 from ..core.errors import CaptureError, SettingsError
 from ..core.progress import SILENT, Progress
 from ..splats.asset import SplatAsset
@@ -110,8 +109,8 @@ def holds_poses(path: Path) -> bool:
     return path.is_dir() or any(record.find(path) for record in FORMATS if record is not CAMERAS_JSON)
 
 
-def cameras_of_poses(captures: Path) -> dict[str, Camera]:
-    """The cameras by the photographs' names, undistorted, at full size and in the unit of the poses.
+def posed_photographs(captures: Path) -> tuple[Capture, ...]:
+    """The photographs with their cameras, undistorted, at full size and in the unit of the poses.
 
     ``captures`` is as in ``train_on_photographs``, but poses are never solved: that raises
     CaptureError.
@@ -119,8 +118,7 @@ def cameras_of_poses(captures: Path) -> dict[str, Camera]:
     folder, poses = _folder_and_poses(captures, None)
     if poses is None:
         raise CaptureError("there are no poses", where=captures, cure="Give a pose file, or its folder.")
-    imported = import_captures(folder, poses, replace(CaptureSettings(), max_side_px=ANY_SIZE_PX))
-    return {capture.name.replace("/", "_"): capture.camera for capture in imported.captures}
+    return import_captures(folder, poses, replace(CaptureSettings(), max_side_px=ANY_SIZE_PX)).captures
 
 
 def _folder_and_poses(captures: Path, poses: Path | None) -> tuple[Path, Path | None]:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from .. import __version__
+from ..bundle.containment import require_outside
 from ..bundle.damage import require_as_made
 from ..bundle.figures import CAMERAS
 from ..bundle.layout import COLLISION, OBJECTS, REFINED_ASSET, of_round
@@ -50,7 +51,6 @@ _FILES = {
 _EXPORTED_PARTS = ("proxy", "collision", "asset")  # as the plan calls them
 _TEXTURED_USD = "room.usdc"
 _USD = {".usd", ".usda", ".usdc", ".usdz"}
-_WIDTH = 14  # of the column of names
 _ABOUT_CAMERAS = (
     "world_from_camera is 4 x 4, of a camera with x right, y down and z forward. "
     "The photographs are in the scene's folder 'captures'."
@@ -101,8 +101,7 @@ def _exported(
         raise SceneError(
             "there is nothing to export yet", where=scene.path, cure=f"Run `r2sego refine {scene.path}` first."
         )
-    if folder.resolve().is_relative_to(scene.path.resolve()):
-        raise SceneError("a scene is not exported into itself", where=folder, cure="Choose a folder outside the scene.")
+    require_outside(folder)
     require_present_frame(scene, [REFINED_ASSET, COLLISION, of_round(rounds - 1, "proxy")], "exported")
     require_as_made(scene, REFINED_ASSET, COLLISION)
     for name, made in (("collision", MESH_OBJ), *[(TEXTURED, "room.obj")] * textured):
@@ -115,8 +114,8 @@ def _exported(
         for name in consumers:
             if (folder / name).exists():
                 raise _not_of_an_export(folder / name)
-    outdated = [part for part in parts_outdated(scene) if part in _EXPORTED_PARTS]
-    if outdated:
+    redone = parts_outdated(scene)
+    if outdated := [part for part in redone if part in _EXPORTED_PARTS]:
         progress.message(f"{scene.path}: {_outdated_in_words(outdated)}", "warning")
     folder.mkdir(parents=True, exist_ok=True)
     staging = folder / ".unfinished-export"
@@ -133,7 +132,7 @@ def _exported(
             _write_for(consumers, scene, staging, progress)
             names += consumers
             others = _others(folder, names)
-            write_text(staging / ABOUT, _about(scene, names, rounds, others, outdated))
+            write_text(staging / ABOUT, _about(scene, names, rounds, others, redone))
             names.append(ABOUT)
             for name in names:
                 for own in _own_files(folder / name, staging / name):
@@ -145,7 +144,7 @@ def _exported(
     finally:
         shutil.rmtree(staging, ignore_errors=True)
     if others:
-        progress.message(f"{folder}: {', '.join(others)} are there already, and not of this export", "warning")
+        progress.message(f"{folder}: there from before, and not of this export: {', '.join(others)}", "warning")
     return [folder / name for name in names]
 
 
@@ -245,19 +244,21 @@ def _outdated_in_words(parts: Sequence[str]) -> str:
     )
 
 
-def _about(scene: Scene, names: Sequence[str], rounds: int, others: Sequence[str], outdated: Sequence[str]) -> str:
+def _about(scene: Scene, names: Sequence[str], rounds: int, others: Sequence[str], redone: Sequence[str]) -> str:
     """What the files ``names`` are, in which frame, and what made them.
 
-    ``others`` were there before; ``outdated`` parts would be made anew.
+    ``others`` were there before; ``redone`` are the parts that the next refinement would make anew.
     """
-    declared = scene.declaration
+    declared, outdated = scene.declaration, [part for part in redone if part in _EXPORTED_PARTS]
+    chosen = "Declared after the views were chosen:" if "rollouts" in redone else "Views chosen for"
+    width = max(len(name) for name in (*names, *others)) + 2
     lines = [
         f"{scene.name}, {_EXPORTED} {__version__} after {rounds} rounds of refinement",
         "",
         "Metres, right-handed, Z up but for files said to be Y up. z = 0 is the floor, the first",
         "photograph's camera is above the origin, and x is its heading.",
         f"Ground: {declared.ground}. Scale: {declared.scale_source}.",
-        f"Views chosen for the robot {robot_in_use(scene)} in the scope {declared.scope}.",
+        f"{chosen} the robot {robot_in_use(scene)} in the scope {declared.scope}.",
         *[f"Not of one piece: {_outdated_in_words(outdated)}."] * bool(outdated),
         "",
     ]
@@ -265,8 +266,8 @@ def _about(scene: Scene, names: Sequence[str], rounds: int, others: Sequence[str
     for name in names:
         text = files.get(name) or f"asset.ply in another format{', Y up' * format_of(name).is_y_up}"
         first, *more = text.split("\n")
-        lines += [f"{name:<{_WIDTH}}{first}", *(" " * _WIDTH + line for line in more)]
-    lines += [f"{name:<{_WIDTH}}was there before, and is not of this export" for name in others]
+        lines += [f"{name:<{width}}{first}", *(" " * width + line for line in more)]
+    lines += [f"{name:<{width}}was there before, and is not of this export" for name in others]
     lines += ["", "Made by"]
     lines += [f"  {slot.replace('_', ' ')}: {backend}" for slot, backend in scene.backends.items()]
     lines += _backends_of_objects(scene)

@@ -8,8 +8,9 @@ from ..bundle.asset_stages import FINAL, stage_named
 from ..bundle.scene import Scene
 from ..bundle.stale import require_present_frame
 from ..core.cameras import Camera
+from ..core.images import image_files
 from ..core.progress import SILENT, Progress
-from ..refine.splat_start import cameras_of_poses, holds_poses
+from ..refine.splat_start import holds_poses, posed_photographs
 from ..splats.artifacts import load_stage
 from ..splats.asset import SplatAsset
 from ..splats.formats.registry import load_asset
@@ -18,18 +19,23 @@ from ..splats.rendering.pictures import load_cameras
 
 def asset_and_cameras(
     source: Path, cameras: Path, stage: str = FINAL, progress: Progress = SILENT
-) -> tuple[SplatAsset, dict[str, Camera]]:
-    """The asset of a scene at a stage, or of a splat file, and the cameras in a file, by their names.
+) -> tuple[SplatAsset, dict[str, Camera], list[Path]]:
+    """The asset of a scene at a stage, or of a splat file; the cameras in a file, by their names; and the
+    photographs that lie with them.
 
     Of a splat file the cameras may also be the poses of what it was trained on: a scene's world is another
     than that of the poses it was made of. Raises SceneError when a scene's asset is of an earlier world
     frame, and as ``stage_named``, ``load_asset`` and ``load_cameras``.
     """
-    if not source.is_dir():
-        seen_from = cameras_of_poses(cameras) if holds_poses(cameras) else load_cameras(cameras)
-        return load_asset(source, progress), seen_from
+    if not source.is_dir() and holds_poses(cameras):
+        posed = posed_photographs(cameras)
+        seen_from = {capture.name.replace("/", "_"): capture.camera for capture in posed}
+        return load_asset(source, progress), seen_from, [capture.image_path for capture in posed]
     seen_from = load_cameras(cameras)
+    photographs = image_files(cameras.resolve().parent)
+    if not source.is_dir():
+        return load_asset(source, progress), seen_from, photographs
     scene = Scene.open(source)
     found = stage_named(scene, stage)
     require_present_frame(scene, [found.target], "rendered")
-    return load_stage(found), seen_from
+    return load_stage(found), seen_from, photographs

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import ndimage
 
+from ..bundle.containment import require_outside
 from ..bundle.layout import of_round
 from ..bundle.scene import Scene
 from ..bundle.stale import require_present_frame
@@ -71,9 +72,9 @@ def texture_scene(
 
     ``file`` ends in ``.glb``, or in ``.obj``: then its material, its texture and MuJoCo's scene of it are
     written beside it. By default it is the bundle's own ``textured_proxy.glb``. The captures' exposures
-    are evened out first. Raises SettingsError for another suffix, SceneError when there is no proxy
-    yet, its world frame was corrected since, or while another process or thread writes to the scene,
-    AssetError when the file cannot be written.
+    are evened out first. Raises SettingsError for another suffix, SceneError for another file in a bundle,
+    when there is no proxy yet, its world frame was corrected since, or while another process or thread writes
+    to the scene, AssetError when the file cannot be written.
     """
     with scene.locked():
         return _textured(scene, settings, file, progress)
@@ -82,6 +83,8 @@ def texture_scene(
 def _textured(scene: Scene, settings: Settings, file: Path | None, progress: Progress) -> TextureFigures:
     started = time.monotonic()
     target = scene.path / FILE if file is None else Path(file)
+    if file is not None and target != scene.path / FILE:
+        require_outside(target)
     if target.suffix.lower() not in (".glb", ".obj"):
         raise SettingsError(f"'{target.name}' ends neither in .glb nor in .obj", where="--to", cure="Name it so.")
     if not target.parent.is_dir():

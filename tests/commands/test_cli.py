@@ -321,3 +321,23 @@ def test_new_goes_on_to_the_refined_scene_where_it_is_asked(tmp_path):
     assert told["scene"] == str(room) and all(Path(told[name]).exists() for name in ("asset", "collision", "report"))
     opened = Scene.open(room)
     assert opened.declaration.preset == "preview" and opened.declaration.settings.rounds == 1
+
+
+def test_ctrl_c_before_anything_has_begun_is_no_traceback(tmp_path):
+    (tmp_path / "click.py").write_text("raise KeyboardInterrupt")
+    done = r2sego("doctor", PYTHONPATH=str(tmp_path))
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
+@pytest.mark.parametrize("what", ["nothing", "a file", "a folder"])
+def test_what_is_no_scene_is_named_for_what_it_is(tmp_path, what):
+    place = tmp_path / "room.r2s"
+    if what == "a file":
+        place.write_text("")
+    elif what == "a folder":
+        place.mkdir()
+    done = r2sego("status", place)
+    assert done.returncode == 1
+    assert ("scene.toml" in done.stderr) == (what == "a folder")
+    assert ("there is no such folder" in done.stderr) == (what == "nothing")
+    assert sorted(tmp_path.rglob("*")) == [place] * (what != "nothing")

@@ -12,6 +12,7 @@ from refined_asset import BACKDROP, CAMERA, ROOM, refined_scene
 from refined_asset import r2sego as run
 
 from r2sego_blender.bundle.scene import Scene
+from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.images import load_image_uint8, to_uint8
 from r2sego_blender.splats.rendering.rasterizer import render
 
@@ -74,3 +75,19 @@ def test_rendering_names_what_is_missing(r2sego, scene, tmp_path):
     assert "0, final" in r2sego("render", scene.path, *options, "--round", 7).stderr
     assert "none.ply" in r2sego("render", tmp_path / "none.ply", *options).stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_photographs_are_not_replaced_by_pictures_of_their_cameras(r2sego, scene, tmp_path):
+    file, photograph = cameras_file(tmp_path), tmp_path / "here.png"
+    photograph.write_bytes(b"a photograph")
+    done = r2sego("render", scene.path, "--cameras", file, "--to", tmp_path, "--pass", "depth", "--pass", "colour")
+    assert done.exit_code == 1 and str(photograph) in done.stderr
+    assert photograph.read_bytes() == b"a photograph" and not (tmp_path / "here_depth.png").exists()
+    assert r2sego("render", scene.path, "--cameras", file, "--to", tmp_path, "--pass", "depth").exit_code == 0
+
+
+@pytest.mark.parametrize("place", ["captures/images", "rounds/0", ""])
+def test_pictures_are_not_written_into_a_scene(r2sego, scene, tmp_path, place):
+    before = content_digest(scene.path)
+    done = r2sego("render", scene.path, "--cameras", cameras_file(tmp_path), "--to", scene.path / place)
+    assert done.exit_code == 1 and content_digest(scene.path) == before

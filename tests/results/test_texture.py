@@ -17,6 +17,7 @@ from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.store import save_captures
 from r2sego_blender.commands import cli
 from r2sego_blender.core.cameras import Camera
+from r2sego_blender.core.digests import content_digest
 from r2sego_blender.geometry.proxy.proxy import GeometryProxy
 from r2sego_blender.results.texture import FILE
 
@@ -130,3 +131,10 @@ def test_a_scene_without_a_proxy_says_what_to_run(scene):
         (scene.round_folder(index) / "proxy" / "proxy.npz").unlink()
     done = r2sego("texture", scene.path)
     assert done.exit_code == 1 and "r2sego refine" in done.stderr
+
+
+@pytest.mark.parametrize("name", ["collision/mesh.obj", "room.obj", "captures/room.glb"])
+def test_nothing_else_in_the_scene_is_written_over(scene, name):
+    before = content_digest(scene.path)
+    assert r2sego("texture", scene.path, "--to", scene.path / name, *SMALL).exit_code == 1
+    assert content_digest(scene.path) == before

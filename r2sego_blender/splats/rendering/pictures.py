@@ -72,6 +72,7 @@ def save_pictures(
     folder: Path,
     passes: Sequence[str] = ("colour",),
     progress: Progress = SILENT,
+    photographs: Collection[Path] = (),
 ) -> list[Path]:
     """Render ``asset`` from every camera into ``folder``, made if missing; returns the files.
 
@@ -80,20 +81,22 @@ def save_pictures(
     have ``<name>_<pass>.png`` to look at (alpha as grey, depth from the nearest, light, to the
     farthest, dark, normals as (n + 1) / 2) and stand exactly in ``<name>.npz``: alpha (H, W), depth
     (H, W) metres, 0 where nothing is, normals (H, W, 3) in the world; all float32. Raises AssetError
-    when the folder cannot be written.
+    when the folder cannot be written, and before anything is where a picture would replace one of the ``photographs``.
     """
+    names, spared = _file_names(cameras), {photograph.resolve() for photograph in photographs}
+    for file in (folder / _file_name(name, one) for name in names for one in passes):
+        if file.resolve() in spared:
+            raise AssetError("a picture would replace this photograph", where=file, cure="Choose another folder.")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise AssetError(f"it cannot be made: {error.strerror}", where=folder, cure="Name another.") from error
     written = []
     renderings = _renderings(asset, cameras, "normals" in passes)
-    for name, rendering in progress.track(
-        zip(_file_names(cameras), renderings, strict=True), "Rendering the asset", len(cameras)
-    ):
+    for name, rendering in progress.track(zip(names, renderings, strict=True), "Rendering the asset", len(cameras)):
         exact = {}
         for one in passes:
-            file = folder / (f"{name}.png" if one == "colour" else f"{name}_{one}.png")
+            file = folder / _file_name(name, one)
             with publishing(file) as staging:
                 save_image(staging, _picture(rendering, one))
             written.append(file)
@@ -104,6 +107,10 @@ def save_pictures(
                 save_arrays(staging, **exact)
             written.append(folder / f"{name}.npz")
     return written
+
+
+def _file_name(name: str, one: str) -> str:
+    return f"{name}.png" if one == "colour" else f"{name}_{one}.png"
 
 
 def _file_names(names: Collection[str]) -> list[str]:

@@ -95,7 +95,7 @@ def test_a_scene_without_scores_is_named(tmp_path, made):
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
     assert f"{scene}" in done.stderr
-    assert ("not all scored yet" if made else "this is not a scene bundle") in done.stderr
+    assert ("not all scored yet" if made else "there is no such folder") in done.stderr
 
 
 def test_the_table_is_printed_and_nothing_written(readme, evaluated, capsys):
