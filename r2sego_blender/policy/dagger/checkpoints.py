@@ -77,7 +77,8 @@ def load_checkpoint(file: Path, student: Student, optimizer: torch.optim.Adam, s
 
 
 def load_student(file: Path) -> Student:
-    """The student of a checkpoint. Raises MachineError where it is damaged."""
+    """The student of a checkpoint. Raises MachineError where it is damaged, or not there."""
+    _require(file)
     with opened_arrays(file, MachineError, _DAMAGED, _CURE) as arrays:
         student = Student(len(arrays["weights/proprio_mean"]))
         student.load_state_dict({name: _like(arrays, f"weights/{name}", t) for name, t in student.state_dict().items()})
@@ -85,9 +86,17 @@ def load_student(file: Path) -> Student:
 
 
 def load_settings(file: Path) -> DaggerSettings:
-    """The settings of a checkpoint's training. Raises MachineError where it is damaged."""
+    """The settings of a checkpoint's training. Raises MachineError where it is damaged, or not there."""
+    _require(file)
     with opened_arrays(file, MachineError, _DAMAGED, _CURE) as arrays:
         return DaggerSettings(**parse_json(str(arrays["said"]))["settings"])
+
+
+def _require(file: Path) -> None:
+    if not file.is_file():
+        raise MachineError(
+            "here is no training of a policy", where=file.parent, cure="Give the folder of `r2sego policy train`."
+        )
 
 
 def _like(arrays: Arrays, name: str, tensor: torch.Tensor) -> torch.Tensor:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from ...core.errors import RobotError
 from ..model.composition import Composition
 from .commanded_drive import DriveCommand, DriveLimits
 
@@ -19,8 +20,18 @@ MOST = 1000.0
 
 
 def command_of(action: np.ndarray, limits: DriveLimits = DriveLimits()) -> DriveCommand:
-    """What ``action`` (4,) in [-1, 1] says: 1 is the upper limit, -1 the lower one, 0 stands still."""
-    shares = np.clip(np.asarray(action, np.float64), -1.0, 1.0)
+    """What ``action`` (4,) in [-1, 1] says: 1 is the upper limit, -1 the lower one, 0 stands still.
+
+    Raises RobotError for an action of another shape or with a number that is none.
+    """
+    shares = np.asarray(action, np.float64)
+    if shares.shape != (SIZE,) or not np.isfinite(shares).all():
+        raise RobotError(
+            f"an action is {SIZE} finite numbers, not {np.array2string(shares, threshold=8)} of shape {shares.shape}",
+            where="action",
+            cure=f"Give {', '.join(NAMES)}, each in [-1, 1].",
+        )
+    shares = np.clip(shares, -1.0, 1.0)
     vx, vy, rate = (
         float(share) * (high if share > 0.0 else -low)
         for share, (low, high) in zip(shares[:3], _ranges(limits), strict=True)

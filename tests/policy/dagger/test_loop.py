@@ -14,11 +14,12 @@ import numpy as np
 import pytest
 import torch
 from dot_environment import DotEnvironment, DotTeacher
+from expected_errors import refused
 
 from r2sego_blender.core.errors import MachineError, SettingsError
 from r2sego_blender.core.progress import Progress, Task
 from r2sego_blender.policy.dagger.acting import Actor, outcomes, taught_outcomes
-from r2sego_blender.policy.dagger.checkpoints import load_student
+from r2sego_blender.policy.dagger.checkpoints import load_settings, load_student
 from r2sego_blender.policy.dagger.episodes import EpisodeStore
 from r2sego_blender.policy.dagger.evaluation import Evaluation
 from r2sego_blender.policy.dagger.loop import CHECKPOINT, episode_seed, train_student
@@ -44,6 +45,7 @@ import signal, sys
 from pathlib import Path
 signal.signal(signal.SIGINT, signal.default_int_handler)  # who runs tests in the background ignores it
 from dot_environment import DotEnvironment, DotTeacher
+from expected_errors import refused
 from r2sego_blender.policy.dagger.loop import train_student
 from r2sego_blender.policy.dagger.settings import DaggerSettings
 settings = DaggerSettings(teacher_episodes=8, views=8, eye_epochs=1, iterations=0, epochs=10_000)
@@ -184,3 +186,9 @@ def test_a_folder_of_other_settings_and_a_damaged_one_are_refused(tmp_path, undi
 def test_beta_falls_from_the_teacher_alone_to_the_student_alone():
     settings = DaggerSettings(iterations=4, teacher_share=0.6, mixed_iterations=2)
     assert [settings.beta(iteration) for iteration in range(5)] == [1.0, 0.6, 0.3, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("read", [load_student, load_settings])
+def test_a_folder_without_a_training_is_not_called_damaged(tmp_path, read):
+    with refused(MachineError, tmp_path, cure="`r2sego policy train`"):
+        read(tmp_path / CHECKPOINT)

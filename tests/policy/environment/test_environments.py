@@ -14,7 +14,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from training_room import SEAT_HEIGHT_M
 
-from r2sego_blender.core.errors import R2SEgoError, SettingsError
+from r2sego_blender.core.errors import R2SEgoError, RobotError, SettingsError
 from r2sego_blender.core.images import to_uint8
 from r2sego_blender.policy.environment.environments import SitEnv, WalkEnv
 from r2sego_blender.policy.environment.randomization import Randomization
@@ -218,6 +218,16 @@ def test_a_bundle_without_a_result_and_a_start_that_is_none_are_told(bundle, wal
     for start in ((1.0, 2.0), (np.nan, 0.0, 0.0)):
         with pytest.raises(SettingsError):
             walk.reset(options={"start": start})
+
+
+@pytest.mark.parametrize("action", [np.zeros(3), np.zeros(5), np.zeros((1, 4)), 0.3, [0.0, np.nan, 0.0, 0.0]])
+def test_an_action_that_is_none_changes_nothing(walk, action):
+    walk.reset(seed=3)
+    walk.step(AHEAD)
+    before = walk.observed()["proprio"]
+    with pytest.raises(RobotError):
+        walk.step(action)
+    np.testing.assert_array_equal(walk.observed()["proprio"], before)
 
 
 LIGHT = """
