@@ -14,11 +14,11 @@ from ..config.declared_files import Reader, did_you_mean
 from ..config.fields import fields_of
 from ..core.digests import content_digest
 from ..core.errors import SettingsError
-from ..core.json_files import opened_json, write_json
 from ..core.progress import SILENT, Progress
 from ..results.policy_evaluation import EMBEDDED_DRIVE
 from .dagger.settings import DaggerSettings
 from .packages import policy_package
+from .same_run import begin_or_go_on
 
 if TYPE_CHECKING:
     from .dagger.bundle_episodes import BundleEpisodes
@@ -30,7 +30,7 @@ TEACHER = "teacher"
 """In place of a training's folder: the privileged teacher."""
 STUDENT_ONNX = "student.onnx"
 TRAINED_IN = "trained_in.json"
-"""Of what scene, asset, chairs and robot a training's folder is."""
+"""Of what task a training's folder is."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,25 @@ class Task:
 
         return SitEnv(self.scene, asset=self.asset, chairs=self.chairs, reference=self.reference, tracker=self.tracker)
 
+    def declared(self) -> dict[str, Any]:
+        """All that decides how its episodes go, ready for JSON; files by their content. Raises as ``environment``."""
+        from .environment.reference_room import COLLISION, LIGHT
+        from .environment.scene_digests import behaviour_of, digest_of, scene_digests
+
+        scene = Scene.open(self.scene)
+        asset = Path(self.asset) if self.asset else scene.asset_file
+        reference = [content_digest(Path(self.reference, one)) for one in (LIGHT, COLLISION)] if self.reference else []
+        return {
+            "scene": self.scene.name,
+            "asset": asset.name,
+            "chairs": list(self.chairs),
+            "driver": self.driver,
+            "robot": scene.declaration.robot,
+            **scene_digests(scene, asset, behaviour_of(scene, sits=True)),
+            "tracker_sha256": content_digest(Path(self.tracker)) if self.tracker else "",
+            "reference_sha256": digest_of(reference),
+        }
+
 
 def settings_of(overrides: Mapping[str, str]) -> DaggerSettings:
     """Settings with the texts of a command line. Raises SettingsError naming the key, or the allowed range."""
@@ -81,8 +100,8 @@ def settings_of(overrides: Mapping[str, str]) -> DaggerSettings:
 def train_policy(task: Task, folder: Path, settings: DaggerSettings, progress: Progress = SILENT) -> Path:
     """Train a student in ``folder``, or go on with the training there; its ONNX file.
 
-    Raises SettingsError where ``folder`` holds a training in another scene, seen through another asset, with
-    other chairs or another driver, and as ``dagger.loop.train_student``.
+    Raises SettingsError where ``folder`` holds a training of another task (``Task.declared``), or of an older version
+    that did not write all of it down, and as ``dagger.loop.train_student``.
     """
     env = task.environment()
     from .dagger.bundle_episodes import BundleEpisodes
@@ -91,33 +110,10 @@ def train_policy(task: Task, folder: Path, settings: DaggerSettings, progress: P
 
     episodes = BundleEpisodes(env)
     folder.mkdir(parents=True, exist_ok=True)
-    _begin_or_go_on(folder / TRAINED_IN, task)
+    begin_or_go_on(folder / TRAINED_IN, task.declared(), "training")
     student = train_student(episodes, episodes, settings, folder, env.limits, progress)
     export_onnx(student, folder / STUDENT_ONNX)
     return folder / STUDENT_ONNX
-
-
-def _begin_or_go_on(file: Path, task: Task) -> None:
-    """Write down what the training whose ``file`` it is takes place in, or check that it is the same."""
-    scene = Scene.open(task.scene)
-    asset = Path(task.asset) if task.asset else scene.asset_file
-    said = {
-        "scene": task.scene.name,
-        "asset": asset.name,
-        "asset_sha256": content_digest(asset),
-        "collision_sha256": content_digest(scene.collision_folder),
-        "chairs": list(task.chairs),
-        "driver": task.driver,
-        "robot": scene.declaration.robot,
-    }
-    if not file.exists():
-        write_json(file, said)
-        return
-    with opened_json(file, SettingsError, "this is no training of a policy", "Give another folder.") as before:
-        others = [name for name, value in said.items() if before.get(name) != value]
-    if others:
-        what = f"its {' and '.join(others)} differ"
-        raise SettingsError(f"another training was begun here: {what}", where=file, cure="Give another folder.")
 
 
 def policy_outcomes(

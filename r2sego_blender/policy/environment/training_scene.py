@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import json
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -11,10 +12,8 @@ import numpy as np
 
 from ...bundle.scene import Scene
 from ...config.settings import RolloutSettings
-from ...core.digests import content_digest
 from ...core.errors import SceneError
 from ...geometry.collision.collision_files import SCENE_XML
-from ...refine.behaviour import DeclaredBehaviour
 from ...robot.behaviours.trajectory import Seat
 from ...robot.controllers.student import head_mount
 from ...robot.model.model import RobotModel
@@ -24,6 +23,7 @@ from ...robot.planning.seats import find_seats, one_a_surface
 from ...robot.scope.scope import BehaviourScope
 from ...splats.formats.registry import load_asset
 from ...splats.kernels.packing import PackedGaussians
+from .scene_digests import behaviour_of, scene_digests
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,7 @@ class TrainingScene:
     def open(bundle: Path, robot: str = "", scope: str = "", sits: bool = False, asset: str = "") -> TrainingScene:
         """The scene of a refined bundle; what is open already in this process is not read again.
 
-        ``robot`` and ``scope`` stand in for those the bundle declares. A declared scope without the
-        behaviour of the task, to sit down where ``sits`` and else to walk, gives way to the library's.
+        ``robot`` and ``scope`` stand in for those the bundle declares, as ``behaviour_of`` says.
         ``asset`` is another visual asset's file. Raises SceneError where the bundle is not refined,
         AssetError and RobotError as their loaders do.
         """
@@ -58,8 +57,8 @@ class TrainingScene:
                 raise SceneError(
                     f"the scene has no {needed.name} yet", where=declared.path, cure="Run `r2sego refine` first."
                 )
-        key = tuple(map(content_digest, (file, declared.collision_folder, declared.path / "scene.toml")))
-        return _opened(declared.path.resolve(), robot, scope, sits, file.resolve(), key)
+        digests = scene_digests(declared, file, behaviour_of(declared, sits, robot, scope))
+        return _opened(declared.path.resolve(), robot, scope, sits, file.resolve(), json.dumps(digests))
 
     @cached_property
     def seats(self) -> tuple[Seat, ...]:
@@ -77,16 +76,11 @@ class TrainingScene:
 
 
 @functools.lru_cache(maxsize=8)
-def _opened(
-    bundle: Path, robot: str, scope_name: str, sits: bool, asset: Path, digests: tuple[str, ...]
-) -> TrainingScene:
+def _opened(bundle: Path, robot: str, scope: str, sits: bool, asset: Path, digests: str) -> TrainingScene:
     """``digests`` are of all that is read: a scene that has changed is another."""
     scene = Scene.open(bundle)
-    scope = BehaviourScope.load(scope_name or scene.declaration.scope)
-    if not scope_name and getattr(scope.behaviours, "sit_on" if sits else "walk_to") <= 0.0:
-        scope = BehaviourScope.load("sit_down" if sits else "walk_and_look")
-    behaviour = DeclaredBehaviour(scope, robot or scene.declaration.robot)
-    model = replace(behaviour.model, mount=head_mount(behaviour.model, scope))
+    behaviour = behaviour_of(scene, sits, robot, scope)
+    model = replace(behaviour.model, mount=head_mount(behaviour.model, behaviour.scope))
     placed = behaviour.placed_in(scene, scene.rounds_of_result() - 1)
     mjcf = scene.collision_folder / SCENE_XML
     return TrainingScene(

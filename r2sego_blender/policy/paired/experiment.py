@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -11,20 +10,18 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ...core.atomic_files import write_whole
-from ...core.digests import content_digest
 from ...core.errors import SettingsError
 from ...core.json_files import opened_json
 from ...core.progress import SILENT, Progress
 from ...workers.child import call_in_child
 from ..dagger.episodes import Outcome
 from ..dagger.settings import DaggerSettings
+from ..same_run import begin_or_go_on
 from ..training import Task
 from .policies import OUTCOMES, as_json, train_and_test
 
 DECLARED = "experiment.json"
 _LONGEST_S = 48.0 * 3600.0
-_CURE = "Give another folder, or what was given first."
 
 Outcomes = Mapping[str, tuple[Outcome, ...]]
 """Of each test."""
@@ -46,13 +43,18 @@ class PairedExperiment:
     settings: DaggerSettings = DaggerSettings()
 
     def declared(self) -> dict[str, Any]:
-        """All that decides the outcomes, ready for JSON; assets by their content."""
-        arms = {
-            name: as_json(task) | {"scene": task.scene.name, "asset": content_digest(Path(task.asset))}
-            for name, task in self.arms.items()
+        """All that decides the outcomes, ready for JSON; files by their content. Raises as ``Task.declared``."""
+        return {
+            "tasks": {arm: {name: task.declared() for name, task in self.tasks(arm).items()} for arm in self.arms},
+            "seeds": self.seeds,
+            "episodes": self.episodes,
+            "settings": dataclasses.asdict(self.settings),
         }
-        more = dataclasses.asdict(self.settings)
-        return {"arms": arms, "tests": self.tests, "seeds": self.seeds, "episodes": self.episodes, "settings": more}
+
+    def tasks(self, arm: str) -> dict[str, Task]:
+        """What an arm's policies are tested in, by name: first what they learn in, then the ``tests``."""
+        task = self.arms[arm]
+        return {"training": task} | {name: dataclasses.replace(task, **more) for name, more in self.tests.items()}
 
 
 def run_experiment(
@@ -66,15 +68,11 @@ def run_experiment(
 
     Each policy has a process of its own and one thread; the two of a pair run side by side. ``train`` does what
     ``policies.train_and_test`` does, elsewhere. Raises SettingsError
-    where ``folder`` has another experiment, and what training and its environments raise.
+    where ``folder`` has another experiment, or an older version's, and what training and its environments raise.
     """
-    file = folder / DECLARED
-    if not file.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        write_whole(file, json.dumps(experiment.declared(), indent=1) + "\n")
-    with opened_json(file, SettingsError, "the experiment's description is damaged", _CURE) as declared:
-        if declared != json.loads(json.dumps(experiment.declared())):
-            raise SettingsError("another experiment was begun here", where=file, cure=_CURE)
+    declared = experiment.declared()
+    folder.mkdir(parents=True, exist_ok=True)
+    begin_or_go_on(folder / DECLARED, declared, "experiment")
     cells = [(seed, arm) for seed in range(experiment.seeds) for arm in experiment.arms]
     with ThreadPoolExecutor(processes) as pool, progress.task("Policies", len(cells)) as task:
         running = {pool.submit(_policy, experiment, folder, *cell, train): cell for cell in cells}
@@ -105,12 +103,11 @@ def _policy(
     place = _place(folder, seed, arm)
     if (place / OUTCOMES).exists():
         return
-    task, settings = experiment.arms[arm], experiment.settings
-    tests = {"training": task} | {name: dataclasses.replace(task, **more) for name, more in experiment.tests.items()}
+    settings = experiment.settings
     request = {
         "place": str(place.resolve()),
-        "task": as_json(task),
-        "tests": {name: as_json(test) for name, test in tests.items()},
+        "task": as_json(experiment.arms[arm]),
+        "tests": {name: as_json(test) for name, test in experiment.tasks(arm).items()},
         "settings": dataclasses.asdict(dataclasses.replace(settings, seed=settings.seed + seed)),
         "episodes": experiment.episodes,
     }

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 
 import pytest
+from bundles import new_bundle
+from expected_errors import refused
 
+from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.core.errors import NativeError, SettingsError
 from r2sego_blender.policy.dagger.settings import DaggerSettings
-from r2sego_blender.policy.paired.experiment import PairedExperiment, run_experiment
+from r2sego_blender.policy.paired.experiment import DECLARED, PairedExperiment, run_experiment
 from r2sego_blender.policy.paired.policies import OUTCOMES
 from r2sego_blender.policy.paired.table import markdown
 from r2sego_blender.policy.training import Task
@@ -19,10 +23,14 @@ BASELINE, REFINED = (0, 0, 1, 2, 1), (7, 7, 7, 6, 6)  # the paper's, of 8
 
 @pytest.fixture
 def experiment(tmp_path: Path) -> PairedExperiment:
-    arms = {}
+    arms, room = {}, new_bundle(tmp_path / "room.r2s")
+    (tmp_path / "tracker.onnx").write_text("weights")
+    for folder in (room.collision_folder, tmp_path / "reference" / "collision"):
+        folder.mkdir(parents=True)
+        (folder / "scene.xml").write_text("<mujoco/>")
     for name in ("vanilla", "refined"):
         (tmp_path / f"{name}.ply").write_text(name)
-        arms[name] = Task(tmp_path / "room.r2s", str(tmp_path / f"{name}.ply"))
+        arms[name] = Task(room.path, str(tmp_path / f"{name}.ply"), tracker=str(tmp_path / "tracker.onnx"))
     return PairedExperiment(arms, {"separate chairs": {"chairs": ["stool"]}}, 5, 8, DaggerSettings(seed=3))
 
 
@@ -76,6 +84,37 @@ def test_another_experiment_is_not_mixed_in(experiment, tmp_path):
     with pytest.raises(SettingsError) as refused:
         run_experiment(experiment, tmp_path / "out", train=Training())
     assert refused.value.cure
+
+
+@pytest.mark.parametrize("file", ["tracker.onnx", "room.r2s/collision/scene.xml", "reference/collision/scene.xml"])
+def test_no_file_that_decides_the_outcomes_may_change(experiment, tmp_path, file):
+    tests = {"reference room": {"reference": str(tmp_path / "reference")}}
+    experiment, training = dataclasses.replace(experiment, tests=tests), Training()
+    run_experiment(experiment, tmp_path / "out", processes=1, train=training)
+    (tmp_path / file).write_text("another")
+    with refused(SettingsError, tmp_path / "out" / DECLARED):
+        run_experiment(experiment, tmp_path / "out", processes=1, train=training)
+    assert len(training.requests) == 10
+
+
+def test_no_other_scope_may_be_declared(experiment, tmp_path):
+    run_experiment(experiment, tmp_path / "out", train=Training())
+    (tmp_path / "scope.toml").write_text("[behaviours]\nsit_on = 1.0\n[sit_on]\nhold_s = 1.0\n")
+    Scene.open(tmp_path / "room.r2s").declare(scope=str(tmp_path / "scope.toml"))
+    with refused(SettingsError, tmp_path / "out" / DECLARED):
+        run_experiment(experiment, tmp_path / "out", train=Training())
+
+
+def test_an_experiment_that_does_not_say_its_tasks_may_be_another(experiment, tmp_path):
+    run_experiment(experiment, tmp_path / "out", train=Training())
+    file = tmp_path / "out" / DECLARED
+    file.write_text(
+        json.dumps(
+            {"arms": {}, **{name: json.loads(file.read_text())[name] for name in ("seeds", "episodes", "settings")}}
+        )
+    )
+    with refused(SettingsError, file, "tasks"):
+        run_experiment(experiment, tmp_path / "out", train=Training())
 
 
 def test_the_table_has_the_paper_s_numbers(experiment, tmp_path):
