@@ -82,17 +82,20 @@ def self_test(url: str, adapter: str, baud: int | None, file: Path, output: Outp
     """Test the device at URL as before each session: tether slack, seat empty."""
     from ...trials.calibration.calibration import Calibration
     from ...trials.line.adapters import adapter_named
-    from ...trials.line.decoding import Sample
     from ...trials.line.listening import messages
-    from ...trials.line.self_test import SelfTest
+    from ...trials.line.self_test import LONGEST_S, SelfTest
 
-    calibration, test = Calibration.load(file), None
+    calibration, test, until_s = Calibration.load(file), None, 0.0
     for hello, found in messages(url, adapter_named(adapter), baud):
-        test = test or SelfTest(hello, calibration)
-        test.add(one for one in found if isinstance(one, Sample))
-        if test.complete:
+        if test is None:
+            test, until_s = SelfTest(hello, calibration), time.monotonic() + LONGEST_S
+        test.add(found)
+        if test.complete or time.monotonic() >= until_s:
             break
     assert test is not None
+    if not test.complete:
+        what = f"the self-test failed: {'; '.join(test.problems)}"
+        raise TrialError(what, where=url, cure="See to its sketch, then test again.")
     rows: list[dict[str, Any]] = [
         {"what": what, "measured": measured, "right": right} for what, measured, right in test.results
     ]

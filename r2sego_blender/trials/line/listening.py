@@ -30,6 +30,8 @@ def messages(url: str, adapter: Adapter, baud: int | None = None) -> Iterator[tu
             found = decoder.feed(piece.data, piece.received_ns)
             if hello is None:
                 hello = next((one for one in found if isinstance(one, Hello)), None)
+                if hello is not None:  # what a board sends while it starts is no part of it
+                    found = found[found.index(hello) :]
                 damaged += sum(isinstance(one, Damaged) for one in found)
                 samples += sum(isinstance(one, Sample) for one in found)
                 if hello is None and time.monotonic() > late_s:

@@ -9,10 +9,10 @@ import numpy as np
 
 from ..calibration.calibration import Calibration
 from ..stream import Flags, Hello, Stream
-from .decoding import Sample, StreamBuilder
+from .decoding import Message, StreamBuilder
 
-LASTS_S = 2.0
-"""By the device's clock."""
+LASTS_S, LONGEST_S = 2.0, 10.0
+"""By the device's clock; and by this machine's, after which a device that is not done sends too little."""
 
 ZERO_N, NOISE_N, RATE_SHARE = 10.0, 2.0, 0.05
 """How far a channel may stand from no load (a slack tether weighs something), its standard deviation, and how far
@@ -26,20 +26,20 @@ _FLAGS = {
 
 
 class SelfTest:
-    """Takes two seconds of samples of the device that said ``hello``, tether slack and seat empty.
+    """Takes two seconds of what the device sends that said ``hello``, tether slack and seat empty.
 
-    Without a ``calibration`` no loads are looked at. ``results`` and ``problems`` are there once it is ``complete``.
+    Without a ``calibration`` no loads are looked at. ``results`` are there once it is ``complete``.
     """
 
     def __init__(self, hello: Hello, calibration: Calibration | None) -> None:
         self._hello, self._calibration = hello, calibration
         self._builder = StreamBuilder(hello)
 
-    def add(self, samples: Iterable[Sample]) -> None:
-        """Go on with what came."""
-        for sample in samples:
+    def add(self, messages: Iterable[Message]) -> None:
+        """Go on with what came, damaged lines too."""
+        for message in messages:
             if not self.complete:
-                self._builder.add([sample], sample.received_ns)
+                self._builder.add([message], 0)  # how many lines are damaged counts, not when
 
     @property
     def complete(self) -> bool:
@@ -58,6 +58,8 @@ class SelfTest:
     @property
     def problems(self) -> tuple[str, ...]:
         """What is not right, in words; none where the device may be used."""
+        if not self.complete:
+            return ("it sends too little, or its clock stands still",)
         return tuple(f"{what}: {measured}" for what, measured, right in self.results if not right)
 
     def _line(self, stream: Stream) -> Iterable[tuple[str, str, bool]]:

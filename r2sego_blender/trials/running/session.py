@@ -10,7 +10,7 @@ from typing import Protocol
 from ...core.errors import TrialError
 from ..calibration.calibration import Calibration
 from ..line.decoding import Sample
-from ..line.self_test import SelfTest
+from ..line.self_test import LONGEST_S, SelfTest
 from ..line.simulated import DEVICE
 from ..outcome import Judgement, Outcome
 from ..plan.next_trial import is_tethered, next_trial
@@ -36,7 +36,6 @@ _WORDS = {
     State.JUDGED: "Judged. On to the next trial, or stop.",
 }
 _SHOW_NS = 100_000_000
-_TEST_NS = 10_000_000_000
 
 
 class Operator(Protocol):
@@ -123,14 +122,13 @@ class Session:
         while not self._tested and not self._stopping:
             assert self._connection.hello is not None
             test = SelfTest(self._connection.hello, self._calibration)
-            until_ns = self._clock.monotonic_ns() + _TEST_NS
+            until_ns = self._clock.monotonic_ns() + round(LONGEST_S * 1e9)
             while not test.complete and self._clock.monotonic_ns() < until_ns:
                 heard, _ = self._tick(planned, State.SELF_TEST, "Leave the tether slack and the chair empty.")
                 if heard.lost or self._stopping:
                     return False
-                test.add([message for message in heard.messages if isinstance(message, Sample)])
-            problems = test.problems if test.complete else ("it sends too little, or its clock stands still",)
-            self._reasons = problems
+                test.add(heard.messages)
+            self._reasons = problems = test.problems
             self._tested = again = not problems
             while not again and not self._stopping:
                 words = f"The self-test failed: {'; '.join(problems)}. Mend it, then go on to the next test."

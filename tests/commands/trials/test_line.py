@@ -4,15 +4,21 @@ import contextlib
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
 from r2sego_blender.commands.trials import trials
+from r2sego_blender.core.errors import TrialError
 from r2sego_blender.trials.calibration.calibration import Calibration
+from r2sego_blender.trials.line import self_test
+from r2sego_blender.trials.line.framing import hello_line, sample_line
 from r2sego_blender.trials.line.simulated import simulated_calibration, simulated_device
 
 ROOT = Path(__file__).parents[3]
@@ -72,6 +78,50 @@ def test_the_self_test_passes_a_device_at_rest_alone(calibration):
         device.play("weights:0:10")
         failed = invoke("self-test", url, "--calibration", calibration)
         assert failed.exit_code != 0 and "WRONG seat" in failed.output and "WRONG tether" not in failed.output
+
+
+@contextlib.contextmanager
+def sends(data):
+    """The URL of a device that sends ``data`` to whoever opens it, and then its last line again and again."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def send():
+            with contextlib.suppress(OSError):
+                reader, _ = server.accept()
+                with reader:
+                    time.sleep(0.5)  # what comes while a port is opened is thrown away
+                    reader.sendall(data)
+                    while True:
+                        time.sleep(0.05)
+                        reader.sendall(data[data.rindex(b"$") :])
+
+        threading.Thread(target=send, daemon=True).start()
+        yield f"socket://127.0.0.1:{server.getsockname()[1]}"
+
+
+CELLS = simulated_calibration().channels
+GREETING = hello_line(
+    "simulated", "1.0", 1, 100, [(c.channel.name, c.channel.lowest, c.channel.highest) for c in CELLS]
+)
+SAMPLES = [sample_line(n, 10_000 * n, [round(c.zero) for c in CELLS], 0) for n in range(202)]
+
+
+def test_the_self_test_counts_damaged_lines_from_the_greeting_on(calibration):
+    starting = b"rst:0x1 (POWERON_RESET)\r\nboot:0x8\r\n"
+    for between, wrong in ((b"", []), (b"$what a loose wire sends\r\n", ["damaged lines"])):
+        with sends(starting + GREETING + between.join(SAMPLES)) as url:
+            done = invoke("self-test", url, "--calibration", calibration, "--json")
+        assert done.stdout, (done.exception, done.output)
+        rows = json.loads(done.stdout)
+        assert [one["what"] for one in rows if not one["right"]] == wrong
+        assert bool(done.exit_code) == bool(wrong)
+
+
+def test_the_self_test_of_a_device_whose_clock_stands_still_ends(calibration, monkeypatch):
+    monkeypatch.setattr(self_test, "LONGEST_S", 0.5)
+    with sends(GREETING + SAMPLES[0]) as url:
+        done = invoke("self-test", url, "--calibration", calibration)
+    assert isinstance(done.exception, TrialError) and url in str(done.exception)
 
 
 def test_what_a_device_sends_is_watched(calibration):

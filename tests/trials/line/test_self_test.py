@@ -57,6 +57,7 @@ def test_a_sound_device_passes_once_it_was_seen_for_long_enough():
         (samples()[:50] + samples()[51:], ["missing samples"]),
         (samples()[:50] + samples()[:200], ["restarts"]),
         ([*samples()[:50], Sample(1, 2, (3,), 0, 4), *samples()[50:]], ["damaged lines"]),
+        ([*samples()[:50], dataclasses.replace(HELLO, boot=2), *samples()[50:]], ["restarts"]),
     ],
 )
 def test_what_is_wrong_is_named(given, names):
@@ -67,3 +68,9 @@ def test_what_is_wrong_is_named(given, names):
 def test_a_calibration_is_of_the_device_that_is_tested():
     assert wrong(samples(), hello=dataclasses.replace(HELLO, device="other")) == ["calibration"]
     assert wrong(samples(), hello=dataclasses.replace(HELLO, device="other"), calibration=None) == []
+
+
+def test_a_device_whose_clock_stands_still_has_a_problem():
+    test = SelfTest(HELLO, CALIBRATION)
+    test.add([sample._replace(device_us=7) for sample in samples()])
+    assert len(test.problems) == 1

@@ -226,6 +226,26 @@ def test_a_device_that_fails_its_test_records_nothing_until_it_passes(tmp_path):
     assert len(RecordIndex(study).entries()) == 1
 
 
+def test_damaged_lines_fail_the_test_of_a_device(tmp_path):
+    _, study = freeze_plan(declared(tmp_path, "trials = 1"))
+    clock = SimulatedClock()
+    line = SimulatedBench(clock).open_line()
+
+    def read(timeout_s):
+        received = line.read(timeout_s)
+        return received._replace(data=received.data.replace(b"\r\n$", b"\r\nwhat a loose wire sends\r\n$"))
+
+    noisy = SimpleNamespace(url=line.url, adapter=line.adapter, read=read, close=line.close)
+    operator = SimpleNamespace(
+        acts=lambda live: [Told(Control.STOP, {})] if live.reasons or live.state is State.SET_UP else []
+    )
+    seen = []
+    Session(study, Connection(lambda: noisy, clock), simulated_calibration(), operator, seen.append, clock).run()
+    assert State.SET_UP not in {live.state for live in seen}
+    (reason,) = seen[-1].reasons
+    assert reason.startswith("damaged lines")
+
+
 def test_a_device_that_only_greets_fails_its_test(tmp_path):
     _, study = freeze_plan(declared(tmp_path, "trials = 1"))
     clock = SimulatedClock()
