@@ -10,11 +10,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ...core.errors import TrialError
-from ...core.file_locks import try_lock
+from ...core.file_locks import try_lock, wait_for_lock
 from ...core.text_files import opened_file
 from ..records.index import RECORDS_FOLDER
 
 _LOCK_FILE = "session.lock"
+_PATIENCE_S = 0.5  # ``is_run`` holds the lock for a moment to look
 
 
 @contextlib.contextmanager
@@ -23,7 +24,7 @@ def alone(study: Path) -> Iterator[None]:
     folder = study / RECORDS_FOLDER
     folder.mkdir(exist_ok=True)
     with (folder / _LOCK_FILE).open("ab") as file:
-        if not try_lock(file):
+        if not wait_for_lock(file, _PATIENCE_S):
             raise TrialError("another session runs this study", where=study, cure="End that one first.")
         yield
 

@@ -2,10 +2,12 @@
 
 import subprocess
 import sys
+import threading
 
 import pytest
 
 from r2sego_blender.core.errors import TrialError
+from r2sego_blender.core.file_locks import try_lock
 from r2sego_blender.trials.running.session_lock import alone, is_run
 
 _HOLDS = """
@@ -32,3 +34,13 @@ def test_a_session_is_seen_until_it_is_killed(tmp_path):
     with alone(tmp_path):
         assert is_run(tmp_path)
     assert not is_run(tmp_path)
+
+
+def test_a_session_starts_while_somebody_looks_whether_one_runs(tmp_path):
+    with alone(tmp_path):
+        (lock,) = (tmp_path / "records").iterdir()
+    looks = lock.open("rb")
+    assert try_lock(looks)
+    threading.Timer(0.1, looks.close).start()
+    with alone(tmp_path):
+        assert is_run(tmp_path)
