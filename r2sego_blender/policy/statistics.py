@@ -68,12 +68,14 @@ def compare_pairs(first: Sequence[int], second: Sequence[int], episodes: int, se
     """Compare successes of ``episodes`` each, pair by pair in the same order.
 
     ``seed`` is the bootstrap's, and the permutations' of more than 14 pairs. Raises EvaluationError for arms of
-    different length, fewer than two pairs, or counts that are no whole numbers from 0 to ``episodes``.
+    different length, fewer than two pairs, counts that are no whole numbers from 0 to ``episodes``, or no episodes.
     """
     from scipy import stats
 
+    if episodes < 1:
+        raise EvaluationError(f"{episodes} episodes have no rate", where="episodes", cure="Give 1 or more.")
     counts = np.array([list(first), list(second)]) if len(first) == len(second) else np.zeros((2, 0))
-    if counts.shape[1] < 2 or counts.dtype.kind not in "iu" or counts.min() < 0 or counts.max() > episodes:
+    if counts.shape[1] < 2 or counts.dtype.kind not in "biu" or counts.min() < 0 or counts.max() > episodes:
         raise EvaluationError(
             f"{list(first)} and {list(second)} of {episodes} cannot be compared",
             where="successes",

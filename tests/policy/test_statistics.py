@@ -67,3 +67,15 @@ def test_twenty_pairs_are_permuted_by_a_seeded_draw():
 def test_what_cannot_be_compared_is_refused(first, second):
     with refused(EvaluationError, "successes"):
         compare_pairs(first, second, 8)
+
+
+@pytest.mark.parametrize("episodes", [0, -1])
+def test_without_episodes_there_is_no_rate(episodes):
+    with refused(EvaluationError, "episodes"):
+        compare_pairs((0, 0), (0, 0), episodes)
+
+
+def test_a_truth_value_is_a_count_of_one_episode_in_either_arm():
+    numbers = compare_pairs((0, 1, 0), (1, 1, 1), 1)
+    assert compare_pairs((False, True, False), (True, True, True), 1) == numbers
+    assert compare_pairs((False, True, False), (1, 1, 1), 1) == numbers

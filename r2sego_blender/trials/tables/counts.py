@@ -77,10 +77,11 @@ class Results:
 
     def kinds(self) -> dict[str, Counter[Failure | Unusable]]:
         """By condition, why trials failed and why recordings were unusable: each by its first reason."""
+        usable = self.usable
         kinds: dict[str, Counter[Failure | Unusable]] = {condition: Counter() for condition in self.plan.conditions}
         for entry in self.entries:
             if entry.judgement.reasons and (
-                entry.judgement.outcome is Outcome.UNUSABLE or entry is self.usable.get(entry.trial)
+                entry.judgement.outcome is Outcome.UNUSABLE or entry is usable.get(entry.trial)
             ):
                 kinds[self.plan.trials[entry.trial].condition][entry.judgement.reasons[0][0]] += 1
         return kinds
