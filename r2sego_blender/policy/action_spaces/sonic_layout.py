@@ -93,12 +93,6 @@ def targets_of(action: np.ndarray) -> np.ndarray:
     return DEFAULT_RAD + np.asarray(action, np.float64)[ISAACLAB_TO_MUJOCO] * ACTION_SCALE
 
 
-def quantised(token: np.ndarray) -> np.ndarray:
-    """The nearest token on the grid of finite scalar quantisation, k / 16 with k from -16 to 15; float32."""
-    levels = np.clip(np.rint(np.asarray(token, np.float64) * 16.0), -16, 15)
-    return (levels / 16.0).astype(np.float32)
-
-
 @dataclass(frozen=True)
 class ProprioceptiveFrame:
     """What the robot feels at one tick of 50 Hz.

@@ -10,9 +10,6 @@ from torch import nn
 
 from .targets import PICTURE_SHAPE, SEAT_TARGETS
 
-ACTION_SIZE = 4
-"""vx, vy and yaw rate as shares of the drive's limits, and sit."""
-
 FEATURES = 160
 """Numbers that the eye makes of a picture."""
 

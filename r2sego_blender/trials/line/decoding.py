@@ -118,11 +118,6 @@ class StreamBuilder:
         self._resets_ns, self._damaged_ns, self._lost_ns = array("q"), array("q"), array("q")
 
     @property
-    def newest(self) -> Sample | None:
-        """The last sample, as it was sent."""
-        return self._last
-
-    @property
     def lasts_us(self) -> int:
         """From the first sample to the last, by the device's clock."""
         times = self._columns[1]

@@ -6,8 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from r2sego_blender.policy.action_spaces import sonic_layout as layout
@@ -108,13 +106,3 @@ def test_the_encoder_is_told_the_motion_ahead():
     turned = 0.1 * 7  # the eighth frame, as the robot sees it
     columns = [math.cos(turned), -math.sin(turned), math.sin(turned), math.cos(turned), 0.0, 0.0]
     assert np.allclose(seen[601 + 42 : 601 + 48], columns, atol=1e-6)
-
-
-@given(st.lists(st.floats(-2.0, 2.0), min_size=64, max_size=64))
-def test_tokens_are_quantised_to_sixteenths(values):
-    token = np.array(values)
-    levels = layout.quantised(token) * 16.0
-    assert np.array_equal(levels, np.rint(levels)) and levels.min() >= -16 and levels.max() <= 15
-    inside = np.clip(token, -1.0, 15 / 16)
-    assert np.abs(levels / 16.0 - inside).max() <= 1 / 32
-    assert np.array_equal(layout.quantised(levels / 16.0) * 16.0, levels)

@@ -46,7 +46,7 @@ def test_the_decoder_is_asked_every_fourth_step_and_its_targets_are_held(robot, 
     drive = space.make(robot, composition, FLOOR_Z_M, decoder=decoder(tmp_path / "decoder.onnx", weight, bias))
     data = mujoco.MjData(model)
     data.qpos[:] = drive.start(np.array([0.4, -0.2]), 0.7)
-    token = layout.quantised(rng.uniform(-1.0, 1.0, 64))
+    token = rng.integers(-16, 16, 64) / 16.0
     drive.act(token)
 
     # Written anew from the layout in the facts: what is felt at 0, 4 and 8, each told once
