@@ -4,7 +4,6 @@ import csv
 import dataclasses
 import io
 import itertools
-import time
 import xml.etree.ElementTree as ET
 
 import pytest
@@ -114,18 +113,6 @@ def test_unusable_recordings_count_neither_way_and_are_told(tmp_path):
         Failure.TETHER: 19,
         Failure.NO_SUPPORT: 17,
     }
-
-
-def test_kinds_of_failure_take_no_longer_a_record_the_more_there_are(papers):
-    results = Results(papers.plan, papers.entries * 50)
-
-    def seconds(count):
-        begun_s = time.perf_counter()
-        count()
-        return time.perf_counter() - begun_s
-
-    once_s = min(seconds(lambda: results.usable) for _ in range(5))
-    assert min(seconds(results.kinds) for _ in range(3)) < 50 * once_s
 
 
 def test_what_persons_judged_and_devices_simulated_is_told(tmp_path):
