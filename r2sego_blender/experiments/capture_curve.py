@@ -6,11 +6,15 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from html import escape
 
-from ..evaluation.arms import REFINED, strongest_baseline
-from .score_table import Row
+from ..evaluation.arms import ARMS, REFINED
+from .score_table import Row, strongest_of
 
 _WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 560, 320, 56, 150, 20, 44
-_COLOURS = ("#777", "#a33", "#b70", "#247", "#274", "#527")
+_COLOURS = dict(
+    zip(ARMS, ("#88ccee", "#44aa99", "#999933", "#cc6677", "#aa4499", "#117733", "#332288", "#882255"), strict=True)
+)
+"""An arm's own, in every figure: of Paul Tol's muted scheme, which is told apart without red or green, too."""
+
 _LEAST_SPAN_DB = 1.0
 """A chart spans at least this much, so that noise does not look like a cliff."""
 
@@ -26,23 +30,27 @@ def curves_of(rows: Sequence[Row]) -> dict[tuple[str, str], list[Row]]:
 
 
 def catching_up(rows: Sequence[Row]) -> str:
-    """At which measured count the strongest baseline first reaches what refined has at its least; "" without both."""
-    psnr = {(row.captures, row.arm): row.spreads["psnr"].mean for row in rows}
-    counts = sorted({row.captures for row in rows})
-    least = next((count for count in counts if (count, REFINED) in psnr), None)
-    if least is None:
+    """At which measured count the strongest baseline first reaches what refined has at its least; "" without both.
+
+    Both by the seeds that they share: a count at which they share none is passed over.
+    """
+    refined = min((row for row in rows if row.arm == REFINED), key=lambda row: row.captures, default=None)
+    if refined is None:
         return ""
-    best = {
-        count: strongest_baseline({arm: value for (of, arm), value in psnr.items() if of == count}) for count in counts
-    }
-    scored = [count for count in counts if best[count]]
-    if not scored:
-        return ""
-    goal, where = psnr[least, REFINED], f"{rows[0].scene}, {rows[0].preset}"
-    for count in scored:
-        if psnr[count, best[count]] >= goal:
-            return f"{where}: the strongest baseline reaches refined at {least} captures ({goal:.2f} dB) with {count}."
-    return f"{where}: no baseline measured, up to {scored[-1]} captures, reaches refined at {least} ({goal:.2f} dB)."
+    where, goal = f"{refined.scene}, {refined.preset}", f"{refined.spreads['psnr'].mean:.2f} dB"
+    scored = 0
+    for count in sorted({row.captures for row in rows}):
+        best = strongest_of([row for row in rows if row.captures == count])
+        shared = best.by_seed.keys() & refined.by_seed.keys() if best else ()
+        if best is None or not shared:
+            continue
+        if best.mean_over(shared) >= refined.mean_over(shared):
+            return (
+                f"{where}: the strongest baseline reaches refined at {refined.captures} captures ({goal}) with {count}."
+            )
+        scored = count
+    told = f"{where}: no baseline measured, up to {scored} captures, reaches refined at {refined.captures} ({goal})."
+    return told if scored else ""
 
 
 def curve_figure(rows: Sequence[Row]) -> str:
@@ -66,14 +74,14 @@ def curve_figure(rows: Sequence[Row]) -> str:
 
     parts = [*_axes(counts, low, high, x, y)]
     for index, arm in enumerate(arms):
-        colour = _COLOURS[index % len(_COLOURS)]
+        colour = _COLOURS[arm]
         own = [row for row in rows if row.arm == arm and math.isfinite(row.spreads["psnr"].mean)]
         points = [(x(row.captures), y(row.spreads["psnr"].mean), row) for row in own]
         joined = " ".join(f"{across:.1f},{up:.1f}" for across, up, _ in points)
         parts.append(f'<polyline points="{joined}" fill="none" stroke="{colour}" stroke-width="1.5"/>')
         for across, up, row in points:
-            mean, spread = row.spreads["psnr"].mean, row.spreads["psnr"].std or row.sem_db
-            if spread:
+            mean, std = row.spreads["psnr"].mean, row.spreads["psnr"].std
+            if spread := row.sem_db if std is None else std:
                 parts.append(
                     f'<path d="M{across:.1f} {y(mean + spread):.1f}V{y(mean - spread):.1f}" stroke="{colour}"/>'
                 )

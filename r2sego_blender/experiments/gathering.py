@@ -18,7 +18,7 @@ from .datasets.published import published_latex, published_markdown, published_o
 from .page import write_page
 from .plan import Plan
 from .records import Record, score_of
-from .score_table import KINDS, Measured, latex, markdown, rows_of, worth_of_views
+from .score_table import ALL_SCENES, KINDS, Measured, latex, markdown, rows_of, worth_of_views
 
 METRICS, MARKDOWN, LATEX, FIGURES = "metrics.json", "tables.md", "tables.tex", "figures"
 
@@ -47,7 +47,8 @@ def gather(plan: Plan, cells: Sequence[Cell], records: Mapping[Path, Record], fo
     write_whole(folder / LATEX, latex(rows, notes) + published_latex(plan.published))
     (folder / FIGURES).mkdir(exist_ok=True)
     for (preset, scene), own in curves.items():
-        write_whole(folder / FIGURES / f"captures-{preset}-{scene.replace(' ', '_')}.svg", curve_figure(own))
+        of = preset if scene == ALL_SCENES else f"{preset}+{scene}"  # names have no +: no two curves have one file
+        write_whole(folder / FIGURES / f"captures-{of}.svg", curve_figure(own))
     write_page(folder, done, len(cells), rows, [*curves.values()], notes, published_of(plan.published))
 
 

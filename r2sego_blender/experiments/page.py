@@ -13,6 +13,7 @@ from markupsafe import Markup
 
 from ..core.atomic_files import write_whole
 from ..core.formatting import counted
+from ..core.printable import printable
 from ..evaluation.arms import ARMS
 from ..evaluation.report import page_environment
 from ..evaluation.report_data import Picture
@@ -77,7 +78,7 @@ def write_page(
     environment = page_environment(source, source, _TEMPLATES)
     script = _source_of(environment, _SCRIPT)
     html = environment.get_template("page.html.j2").render(
-        title=folder.name,
+        title=printable(folder.name),
         about=f"{len(done)} of {counted(cells, 'cell')} done",
         tables=list(tables_of(rows)),
         notes=[*about(rows), *notes],

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..bundle.figures import BASELINES
 from ..core.formatting import latex_text, markdown_cell
 from ..core.intervals import CONFIDENCE, Interval, student_interval
 from ..evaluation.arms import ARMS, REFINED, WITHOUT_GENERATED, strongest_baseline
@@ -95,6 +96,10 @@ class Row:
         """The arm's, for people."""
         return ARMS[self.arm].label
 
+    def mean_over(self, seeds: Iterable[int]) -> float:
+        """The mean PSNR of some of its seeds, dB."""
+        return float(np.mean([self.by_seed[seed] for seed in sorted(seeds)]))
+
 
 def rows_of(measured: Sequence[Measured]) -> tuple[Row, ...]:
     """The rows in the order of what was measured, those over all scenes after each preset's scenes.
@@ -150,14 +155,27 @@ def _over_scenes(measured: Sequence[Measured], scenes: Sequence[str], captures: 
 
 def _compared(rows: Sequence[Row]) -> list[Row]:
     """Rows of one table with their paired differences to the strongest baseline, which has none itself."""
-    best = strongest_baseline({row.arm: row.spreads["psnr"].mean for row in rows})
-    others = next((row for row in rows if row.arm == best), None)
-    if others is None:
+    if (others := strongest_of(rows)) is None:
         return list(rows)
     return [
         row if row is others else replace(row, difference=Difference.of(others.label, row.by_seed, others.by_seed))
         for row in rows
     ]
+
+
+def strongest_of(rows: Sequence[Row]) -> Row | None:
+    """The method of others with the highest mean PSNR over the seeds that all of them have; None without any.
+
+    One that shares no seed with those that were scored with more is not taken: nothing tells which is stronger.
+    """
+    compared: list[Row] = []
+    seeds = set[int]()
+    for row in sorted((row for row in rows if row.arm in BASELINES), key=lambda row: -len(row.by_seed)):
+        if shared := seeds & row.by_seed.keys() if compared else {*row.by_seed}:
+            compared.append(row)
+            seeds = shared
+    best = strongest_baseline({row.arm: row.mean_over(seeds) for row in compared})
+    return next((row for row in compared if row.arm == best), None)
 
 
 def _against(row: Row, first: Row | None) -> Row:
@@ -228,6 +246,7 @@ _ABOUT = (
     "Mean ± sample standard deviation over seeds.",
     "SEM: standard error of PSNR over a scene's views, each averaged over seeds first.",
     "Differences are paired by seed, to the strongest of the methods of others in the same scene and count.",
+    "Strongest is the highest mean PSNR over the seeds that all of these have.",
     f"Brackets are Student's {CONFIDENCE:.0%} interval, from two pairs on. Nothing is interpolated.",
 )
 _ABOUT_REGIONS = (

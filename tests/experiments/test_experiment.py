@@ -38,7 +38,7 @@ def test_one_and_two_processes_come_to_the_same_and_nothing_is_done_twice(plan, 
     assert not failures and len(one.records) == len(one.cells) == 4
     recorder = ProgressRecorder()
     run_experiment(plan, tmp_path / "two", 2, recorder, program=PROGRAM)
-    for name in (MARKDOWN, LATEX, "figures/captures-paper-room.svg"):
+    for name in (MARKDOWN, LATEX, "figures/captures-paper+room.svg"):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
     assert scores(tmp_path / "one") == scores(tmp_path / "two") and len(scores(tmp_path / "one")) == 12
     ended = finished(control, "evaluate")

@@ -6,8 +6,11 @@ import base64
 import hashlib
 import io
 import json
+import os
 import re
 import shutil
+import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -153,3 +156,31 @@ def test_names_cannot_become_html(done):
     odd = Record(record.key, record.arms, record.assets, record.stages, {nasty: 1.0}, {"version": nasty}, 1.0)
     page = Page(text_of(plan, cells, {**records, cells[0].folder: odd}, folder))
     assert page.scripts == 1 and page.open == [] and page.text.count(nasty) == 2
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere paths are Unicode")
+def test_a_folder_that_no_text_can_name_has_a_page_with_its_name_written_out(done, tmp_path):
+    plan, cells, records, _ = done
+    odd = tmp_path / os.fsdecode(b"room \xff")
+    odd.mkdir()
+    assert "room \\udcff" in text_of(plan, cells, records, odd)
+
+
+def test_no_two_curves_are_one_file(done, tmp_path):
+    plan, cells, records, folder = done
+    names = [("a", "b-c"), ("a-b", "c"), ("a", "all_scenes")]
+    moved, those = [], {}
+    for preset, scene in names:
+        for cell in cells:
+            one = replace(
+                cell,
+                preset=replace(cell.preset, name=preset),
+                scene=replace(cell.scene, name=scene),
+                folder=folder / "cells" / preset / scene / f"{cell.captures}" / f"seed_{cell.seed}",
+            )
+            moved.append(one)
+            those[one.folder] = records[cell.folder]
+    scenes = tuple(replace(plan.scenes[0], name=scene) for scene in ("b-c", "c", "all_scenes"))
+    gather(replace(plan, scenes=scenes), moved, those, folder)
+    titles = {file.read_text().partition("<title>")[2].partition(":")[0] for file in (folder / "figures").iterdir()}
+    assert titles == {"b-c, a", "c, a-b", "all_scenes, a", "all scenes, a"}

@@ -116,7 +116,7 @@ def test_cells_in_processes_that_are_killed_come_to_the_same_and_none_twice(plan
     assert not failures and not found.left and runner.killed == 2
     assert sum("lost" in text and text.endswith("it is tried again") for text in recorder.warnings) == 2
     run_experiment(plan, tmp_path / "local", 2, program=PROGRAM)
-    for name in (MARKDOWN, LATEX, "figures/captures-paper-room.svg"):
+    for name in (MARKDOWN, LATEX, "figures/captures-paper+room.svg"):
         assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "local" / name).read_bytes()
     ended = finished(control, "evaluate")
     assert len(ended) == len(set(ended)) == 8 and len(finished(control, "new")) == 4

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from r2sego_blender.evaluation.arms import REFINED, SAME_POINTS, VANILLA, WITHOUT_GENERATED
+from r2sego_blender.evaluation.arms import ARMS, REFINED, SAME_POINTS, VANILLA, WITHOUT_GENERATED
 from r2sego_blender.experiments.capture_curve import catching_up, curve_figure, curves_of
 from r2sego_blender.experiments.score_table import (
     ALL_SCENES,
@@ -151,6 +151,24 @@ def test_a_seed_that_lacks_a_figure_leaves_it_out_of_the_row():
     assert "psnr_unseen" not in row(rows, REFINED).spreads
 
 
+def strongest(**psnrs):
+    """Of baselines by seed, whom refined is told against."""
+    rows = rows_of([measured(arm, seed, psnr) for arm, of in psnrs.items() for seed, psnr in of.items()])
+    return row(rows, REFINED).difference
+
+
+def test_the_strongest_is_so_by_the_seeds_that_all_have():
+    found = strongest(vanilla_3dgs={0: 20.0, 1: 10.0}, gaussgym={0: 18.0}, refined={0: 21.0, 1: 12.0})
+    assert (found.to, found.mean, found.pairs) == ("vanilla 3DGS", 1.5, 2)
+    found = strongest(vanilla_3dgs={0: 20.0, 1: 30.0}, gaussgym={0: 22.0}, refined={0: 21.0, 1: 32.0})
+    assert (found.to, found.mean, found.pairs) == ("GaussGym condition", -1.0, 1)
+
+
+def test_a_baseline_that_shares_no_seed_with_others_is_not_the_strongest():
+    found = strongest(genfusion={7: 50.0}, vanilla_3dgs={0: 20.0, 1: 10.0}, refined={0: 21.0, 1: 12.0, 7: 40.0})
+    assert (found.to, found.pairs) == ("vanilla 3DGS", 2)
+
+
 def curve(*by_count):
     """Rows of (captures, vanilla, refined)."""
     of = [(count, arm, psnr) for count, *both in by_count for arm, psnr in zip((VANILLA, REFINED), both, strict=True)]
@@ -177,3 +195,50 @@ def test_the_figure_has_a_point_for_every_measured_row():
     assert "refined, 45 captures: 26.00 dB" in titles and len(titles) == 6
     heights = {float(point.split(",")[1]): None for point in lines[1].get("points").split()}
     assert list(heights) == sorted(heights, reverse=True)  # higher PSNR stands higher
+
+
+def test_a_baseline_catches_up_by_the_seeds_that_it_shares_with_refined():
+    own = [measured(REFINED, seed, psnr) for seed, psnr in ((0, 30.0), (1, 20.0))]
+    own += [measured(VANILLA, 0, 28.0, captures=10), measured(VANILLA, 5, 40.0, captures=15)]
+    ((_, rows),) = curves_of(rows_of(own)).items()
+    assert "no baseline measured, up to 10 captures" in catching_up(rows)  # 28 beats the mean of 25, not 30
+    ((_, rows),) = curves_of(rows_of([*own, measured(VANILLA, 1, 20.5, captures=45)])).items()
+    assert catching_up(rows).endswith("with 45.")
+
+
+def colours(arms):
+    """The colour of each arm's line in a figure of these arms."""
+    from xml.etree import ElementTree
+
+    rows = rows_of([measured(arm, 0, 20.0, captures=count) for arm in arms for count in (6, 10)])
+    ((_, own),) = curves_of(rows).items()
+    lines = ElementTree.fromstring(curve_figure(own)).findall("{*}polyline")
+    return dict(zip([arm for arm in ARMS if arm in arms], [line.get("stroke") for line in lines], strict=True))
+
+
+SEEN_BY_THOSE_WITHOUT = {  # linear RGB: Machado, Oliveira and Fernandes 2009, severity 1
+    "nothing": np.eye(3),
+    "red": np.array([[0.1523, 1.0526, -0.2049], [0.1145, 0.7863, 0.0992], [-0.0039, -0.0481, 1.052]]),
+    "green": np.array([[0.3673, 0.8606, -0.2279], [0.2801, 0.6725, 0.0474], [-0.0118, 0.0429, 0.9689]]),
+}
+
+
+@pytest.mark.parametrize("seen", SEEN_BY_THOSE_WITHOUT.values(), ids=SEEN_BY_THOSE_WITHOUT)
+def test_every_arm_has_a_colour_of_its_own_in_all_figures_told_apart_by_everybody(seen):
+    every = colours(list(ARMS))
+    assert colours([VANILLA, REFINED]) == {arm: every[arm] for arm in (VANILLA, REFINED)}
+    values = np.array([[int(colour[at : at + 2], 16) for at in (1, 3, 5)] for colour in every.values()]) / 255.0
+    linear = np.clip(np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4) @ seen.T, 0.0, 1.0)
+    xyz = linear @ np.array([[0.4339, 0.2126, 0.0177], [0.3762, 0.7152, 0.1095], [0.1899, 0.0722, 0.8728]])
+    f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16.0 / 116.0)
+    lab = np.stack([116.0 * f[:, 1] - 16.0, 500.0 * (f[:, 0] - f[:, 1]), 200.0 * (f[:, 1] - f[:, 2])], axis=1)
+    apart = np.linalg.norm(lab[:, None] - lab[None], axis=2)[np.triu_indices(len(ARMS), 1)]
+    assert len(apart) == 28 and apart.min() > 15.0
+
+
+def test_a_deviation_of_nothing_is_one_and_has_no_bar():
+    own = [measured(REFINED, seed, 20.0, captures=count) for seed in (0, 1) for count in (6, 10)]
+    ((_, rows),) = curves_of(rows_of(own)).items()
+    assert rows[0].spreads["psnr"].std == 0.0 and rows[0].sem_db > 0.5 and "<path" not in curve_figure(rows)
+    ((_, rows),) = curves_of(rows_of([one for one in own if one.seed == 0])).items()
+    assert curve_figure(rows).count("<path") == 2
