@@ -16,11 +16,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import IO, Any
+from typing import IO, Any, NoReturn
 
 from ..core.atomic_files import UNFINISHED, remove, rename
 from ..core.digests import content_digest
-from ..core.errors import ExperimentError, MachineError
+from ..core.errors import ExperimentError, MachineError, may_not_be_read
 
 PROTOCOLS = ("file", "s3")
 """Those that are tested; fsspec has more."""
@@ -68,15 +68,16 @@ class ObjectStore:
             raise self._failed(name, error) from error
 
     def publish(self, folder: Path, name: str) -> None:
-        """Put a folder there, all its files but hidden ones. Raises ExperimentError."""
+        """Put a folder there, all its files but hidden ones, and what its links lead to in their places.
+
+        Raises ExperimentError, also for a link that leads nowhere, or around.
+        """
         files, folders = dict[str, tuple[str, int]](), list[str]()
-        for where, inside, names in os.walk(folder):
-            inside[:] = sorted(one for one in inside if not one.startswith("."))
-            shown = sorted(one for one in names if not one.startswith("."))
-            if not inside and not shown:
-                folders.append(Path(where).relative_to(folder).as_posix())
-            for one in shown:
-                file = Path(where, one)
+        for where, is_empty, names in _shown(folder):
+            if is_empty:
+                folders.append(where.relative_to(folder).as_posix())
+            for one in names:
+                file = where / one
                 files[file.relative_to(folder).as_posix()] = content_digest(file), file.stat().st_size
         try:
             for relative, (digest, size) in files.items():
@@ -198,6 +199,30 @@ class ObjectStore:
     def _damaged(self, name: str, why: str) -> ExperimentError:
         cure = "Remove its .json there: it is made again."
         return ExperimentError(f"this folder is damaged: {why}", where=f"{self.url}/{name}", cure=cure)
+
+
+def _shown(folder: Path) -> Iterator[tuple[Path, bool, list[str]]]:
+    """Each folder that is not hidden, linked ones too, whether it is empty, and its files. Raises ExperimentError."""
+    for place, inside, names in os.walk(folder, onerror=_raise, followlinks=True):
+        where = Path(place)
+        inside[:] = sorted(one for one in inside if not one.startswith("."))
+        shown = sorted(one for one in names if not one.startswith("."))
+        above = {one.resolve() for one in (where, *where.parents)}
+        for one in inside:
+            if (where / one).resolve() in above:
+                raise _wrong(where / one, "leads back to a folder that it lies in")
+        for one in shown:
+            if not (where / one).is_file():
+                raise _wrong(where / one, "is no file, and leads to none")
+        yield where, not inside and not shown, shown
+
+
+def _wrong(place: Path, why: str) -> ExperimentError:
+    return ExperimentError(f"this {why}", where=place, cure="Replace it by what it should lead to, or remove it.")
+
+
+def _raise(error: OSError) -> NoReturn:
+    raise may_not_be_read(error.filename, ExperimentError) from error
 
 
 def _inside(name: str) -> PurePosixPath:

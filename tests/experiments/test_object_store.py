@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -13,6 +14,8 @@ from hypothesis import strategies as st
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import ExperimentError
 from r2sego_blender.experiments.object_store import ObjectStore
+
+links = pytest.mark.skipif(os.name == "nt", reason="Windows lets not everybody make links")
 
 
 def folder_of(place, files):
@@ -146,3 +149,34 @@ def test_a_damaged_list_is_told(store, tmp_path, content):
 def test_a_url_of_another_kind_is_refused(url):
     with pytest.raises(ExperimentError, match="s3://"):
         ObjectStore.at(url)
+
+
+@links
+def test_what_links_lead_to_is_stored_in_their_places(store, tmp_path):
+    folder = folder_of(tmp_path / "scene", {"cameras.json": b"{}"})
+    photographs = folder_of(tmp_path / "disk", {"a.png": b"a", "more/b.png": b"b"})
+    (folder / "images").symlink_to(photographs)
+    (folder / "c.png").symlink_to(photographs / "a.png")
+    store.publish(folder, "scene")
+    assert store.fetch("scene", tmp_path / "there")
+    assert shown(tmp_path / "there") == {
+        "cameras.json",
+        "images",
+        "images/a.png",
+        "images/more",
+        "images/more/b.png",
+        "c.png",
+    }
+    assert (tmp_path / "there/images/more/b.png").read_bytes() == b"b" and not (tmp_path / "there/images").is_symlink()
+
+
+@links
+@pytest.mark.parametrize("target", ["gone", "..", ".", "../beside"])
+def test_a_link_that_leads_nowhere_or_around_is_refused_by_name(store, tmp_path, target):
+    folder = folder_of(tmp_path / "scene", {"cameras.json": b"{}"})
+    folder_of(tmp_path / "beside", {"a.png": b"a"})
+    (tmp_path / "beside/back").symlink_to(folder)
+    (folder / "images").symlink_to(target)
+    with pytest.raises(ExperimentError) as refused:
+        store.publish(folder, "scene")
+    assert Path(refused.value.where).is_relative_to(folder / "images") and not store.has("scene")
