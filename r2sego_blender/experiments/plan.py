@@ -17,6 +17,7 @@ from ..config.presets import PRESETS, by_dotted_keys, preset, with_overrides
 from ..config.settings import Settings
 from ..core.errors import ExperimentError, SettingsError
 from ..core.file_names import caseless, plain_name
+from ..core.printable import printable
 from ..evaluation.arms import ARMS, DEFAULT_ARMS
 from .datasets.registry import DATASETS
 
@@ -38,15 +39,25 @@ def _path(value: Any, where: Path) -> Path:
     """A path as the declaring file has it: relative to its own folder."""
     if not isinstance(value, str) or not value or "\0" in value:
         raise ValueError("Write a path in quotes.")
-    return (where.parent / Path(value).expanduser()).absolute()
+    return _place(value, where)
+
+
+def _place(value: str, where: Path) -> Path:
+    """The whole path of what may be there or not. Raises ValueError for what cannot be looked for."""
+    try:
+        place = (where.parent / Path(value).expanduser()).absolute()
+        place.exists()
+    except (OSError, RuntimeError) as error:  # a name too long for the disk, the home of somebody unknown
+        raise ValueError(f"Write another path: {getattr(error, 'strerror', None) or error}.") from error
+    return place
 
 
 def _file_or_name(value: Any, where: Path) -> str:
     """A name, or the whole path of a file that the declaring one names relative to its own folder."""
     if not isinstance(value, str) or "\0" in value:
         raise ValueError("Write a name, or a path in quotes.")
-    file = where.parent / value
-    return str(file.absolute()) if file.is_file() else value
+    file = _place(value, where)
+    return str(file) if file.is_file() else value
 
 
 def _overrides(value: Any, _where: Path) -> Overrides:
@@ -59,7 +70,7 @@ def _camera_height(value: Any, _where: Path) -> str:
     """As the command takes it: a number of metres, written as one or as text, or robot."""
     if is_number(value):
         return repr(float(value))
-    if not isinstance(value, str):
+    if not isinstance(value, str) or printable(value) != value:
         raise ValueError('Write metres, such as 1.5, or "robot".')
     return value
 
@@ -142,16 +153,15 @@ class Plan:
         reader = Reader(Path(file).absolute(), "plan of experiments", ExperimentError)
         try:
             plan = reader.table(Plan, reader.tables("See docs/experiments.md."))
+            plan = dataclasses.replace(
+                plan,
+                scenes=tuple(_named(one, one.captures.name.removesuffix(".r2s")) for one in (scenes or plan.scenes)),
+                presets=tuple(_named(one, one.preset) for one in plan.presets),
+            )
+            _checked(plan, reader)
         except OSError as error:
-            raise ExperimentError(
-                "this plan cannot be read", where=file, cure="Give a TOML file, as in docs/experiments.md."
-            ) from error
-        plan = dataclasses.replace(
-            plan,
-            scenes=tuple(_named(one, one.captures.name.removesuffix(".r2s")) for one in (scenes or plan.scenes)),
-            presets=tuple(_named(one, one.preset) for one in plan.presets),
-        )
-        _checked(plan, reader)
+            cure = "Give a TOML file, as in docs/experiments.md, with captures that may be read."
+            raise ExperimentError(f"this plan cannot be read: {error}", where=file, cure=cure) from error
         return plan
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import sys
+
 import pytest
 from bundles import new_bundle
 from fake_experiment import PLAN
@@ -71,6 +74,10 @@ def test_a_camera_height_is_a_number_or_a_word(plan_file, written, given):
         (SCENE + SCENE, "scenes has room twice", "name of their own"),
         (SCENE + SCENE.replace('"room"', '"ROOM"'), "twice", "name of their own"),
         (SCENE + "camera_height = nan\n", "scenes[0].camera_height", "robot"),
+        (SCENE + 'camera_height = "1\\u0000"\n', "scenes[0].camera_height", "robot"),
+        (SCENE + 'camera_height = "1\\u001b[2J"\n', "scenes[0].camera_height", "robot"),
+        (SCENE.replace('"room"', '"~nosuchuser/x"'), "scenes[0].captures", "another path"),
+        (SCENE + 'poses = "~nosuchuser/x"\n', "scenes[0].poses", "another path"),
         (SCENE + 'name = "a/b"\n', "scenes[0].name", "letters, digits"),
         ('[[scenes]]\ncaptures = "room"\n', "scenes[0].frozen is missing", ""),
         (SCENE + "overrides = { rounds = 2 }\n", "scenes[0].overrides.rounds", "preset's"),
@@ -100,3 +107,21 @@ def test_a_bundle_has_its_captures(plan_file, tmp_path):
 def test_scenes_that_are_given_stand_in_place_of_the_plans(plan, plan_file):
     plan_file.write_text(PLAN[: PLAN.index("[[scenes]]")])
     assert Plan.load(plan_file, plan.scenes) == plan
+
+
+@pytest.mark.parametrize("field", ["captures", "frozen", "poses", "robot", "scope"])
+def test_a_name_too_long_for_the_disk_is_refused_by_its_field(plan_file, field):
+    declared = {"captures": "room", "frozen": "held_out", field: "a" * 300}
+    text = "[[scenes]]\n" + "".join(f'{key} = "{value}"\n' for key, value in declared.items())
+    if sys.version_info >= (3, 14) or os.name == "nt":  # where it is a place at which nothing lies
+        assert load(plan_file, text).scenes
+        return
+    with pytest.raises(ExperimentError, match=rf"scenes\[0\]\.{field}"):
+        load(plan_file, text)
+
+
+@pytest.mark.skipif(sys.platform != "linux" or sys.version_info >= (3, 14), reason="such a place is one without files")
+def test_captures_in_which_nothing_can_be_looked_for_are_refused(plan_file, tmp_path):
+    left = 4090 - len(str(tmp_path))  # of the longest path, and a file's name is longer than the rest
+    with pytest.raises(ExperimentError, match="cannot be read"):
+        load(plan_file, SCENE.replace('"room"', f'"{"a/" * (left // 2)}a"'))
