@@ -24,7 +24,8 @@ Group = tuple[str, str, int]
 class Cell:
     """One scene with one count of captures, preset and seed, and the arms that are compared in it.
 
-    ``key`` is the digest of all that it is made of: a cell that was finished with it is never run again.
+    ``key`` is the digest of all that it is made of: a cell that was finished with it is not run again, unless what it
+    could not be scored with is there now (``equipment``).
     ``folder`` holds its bundle, log and record; ``imported`` is the bundle of the captures that cells of one
     scene and count share.
     """
@@ -91,6 +92,7 @@ def cells_of(plan: Plan, inputs: Mapping[str, SceneInputs], folder: Path) -> tup
 
 
 def _key(inputs: SceneInputs, count: int, preset: PlannedPreset, seed: int, arms: Sequence[str]) -> str:
-    """The digest of the library's version, the captures, the frozen views, and all settings."""
-    made_of = [preset.settings(seed), sorted(arms), inputs.options, inputs.captures[:count], inputs.poses]
+    """The digest of the library's version, the captures, the frozen views, what else decides scores, and settings."""
+    made_of: list[Any] = [preset.settings(seed), sorted(arms), inputs.options, inputs.captures[:count], inputs.poses]
+    made_of += [inputs.others] if inputs.others else []  # without any, keys are those of before there were some
     return step_key(["frozen"], made_of, lambda _: inputs.frozen_sha256)

@@ -13,12 +13,13 @@ from ..core.file_locks import try_lock
 from ..core.formatting import counted
 from ..core.progress import SILENT, Progress
 from .cells import Cell, cells_of
+from .equipment import equipment
 from .gathering import gather
 from .inputs import fixed_inputs
 from .local_runner import LocalRunner
 from .object_store import ObjectStore
 from .plan import Plan
-from .records import Record, read_record
+from .records import Record, final_record
 from .running import PROGRAM, Outcome, RunCell, run_cell
 from .scheduling import Expectations, Runner, Sparing, schedule
 from .stored_cells import StoredCells, bring, put_scenes
@@ -42,18 +43,20 @@ class Experiment:
     def of(plan: Plan, folder: Path, progress: Progress = SILENT, write: bool = True) -> Experiment:
         """What the folder holds of a plan; its inputs are fixed there, unless nothing may be written.
 
-        Raises as ``fixed_inputs``. Records that are damaged, or of what a cell was made of before, do not count.
+        Raises as ``fixed_inputs``. Records that are damaged, of what a cell was made of before, or without what can be
+        scored now, do not count.
         """
         folder = folder.absolute()
         cells = cells_of(plan, fixed_inputs(plan, folder, write), folder)
         records = {}
+        at_hand = {arms: equipment(arms) for arms in {cell.arms for cell in cells}}
         for cell in cells:
             try:
-                record = read_record(cell.folder)
+                record = final_record(cell.folder, cell.key, at_hand[cell.arms])
             except ExperimentError as error:
                 progress.message(f"{error} It is made again.", "warning")
                 continue
-            if record is not None and record.key == cell.key:
+            if record is not None:
                 records[cell.folder] = record
         return Experiment(plan, folder, cells, records)
 

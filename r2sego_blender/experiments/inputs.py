@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +19,17 @@ from ..captures.poses.cameras_json import read_frozen
 from ..captures.poses.photographs import Photograph
 from ..captures.poses.plain_folder import plain_photographs
 from ..captures.poses.registry import find_export, find_poses
+from ..captures.sensors.sensor_depth import SensorDepth
 from ..captures.store import CAPTURES
 from ..config.presets import with_overrides
 from ..core.atomic_files import write_whole
 from ..core.digests import content_digest
-from ..core.errors import ExperimentError
+from ..core.errors import ExperimentError, RobotError
 from ..core.images import image_files
 from ..core.json_files import read_json
 from ..core.progress import SILENT
-from .plan import Plan, PlannedScene
+from ..evaluation.ground_truth import TRUE_MESH
+from .plan import Plan, PlannedScene, of_captures
 
 INPUTS = "inputs.json"
 """The file in an experiment's folder."""
@@ -41,7 +44,9 @@ Files = tuple[tuple[str, str], ...]
 class SceneInputs:
     """The digests of a scene's captures, poses and frozen views, and how they are imported.
 
-    ``frozen_sha256`` is of the whole list: names, photographs, lenses and poses in their order.
+    ``frozen_sha256`` is of the whole list: names, photographs, lenses and poses in their order. ``others`` are the
+    digests of what else decides the scores, by what it is, of what is there: files of robot and scope, the true room,
+    what an import reads beside photographs and poses, and what a bundle was made with.
     """
 
     captures: Files
@@ -49,6 +54,7 @@ class SceneInputs:
     frozen: Files
     frozen_sha256: str
     options: Mapping[str, Any]
+    others: Mapping[str, str] = field(default_factory=dict)
 
 
 def fixed_inputs(plan: Plan, folder: Path, write: bool = True) -> dict[str, SceneInputs]:
@@ -64,7 +70,7 @@ def fixed_inputs(plan: Plan, folder: Path, write: bool = True) -> dict[str, Scen
     for name, one in found.items():
         present = _as_json(one)
         if name in known and known[name] != present:
-            changed = next(key for key in present if known[name].get(key) != present[key])
+            changed = next(key for key in {**present, **known[name]} if known[name].get(key) != present.get(key))
             raise ExperimentError(f"{changed} of the scene {name} are not as they were", where=file, cure=_ANOTHER)
     if write and any(name not in known for name in found):
         scenes = known | {name: _as_json(one) for name, one in found.items()}
@@ -78,7 +84,7 @@ def frozen_digest(frozen: Path) -> str:
 
 
 def _inputs(scene: PlannedScene, most: int) -> SceneInputs:
-    captures, poses, cameras = _captures(scene)
+    captures, poses, cameras, others = _captures(scene)
     if len(captures) < most:
         raise ExperimentError(
             f"the scene {scene.name} has {len(captures)} captures, and {most} are asked for",
@@ -87,29 +93,76 @@ def _inputs(scene: PlannedScene, most: int) -> SceneInputs:
         )
     frozen, views, sha256 = _frozen(scene.frozen)
     _require_distinct(scene, captures[: most or None], cameras[: most or None], frozen, views)
-    options = {"robot": scene.robot, "scope": scene.scope, "camera_height": scene.camera_height}
-    return SceneInputs(captures, poses, frozen, sha256, {**options, "overrides": dict(scene.overrides)})
+    options: dict[str, Any] = {"robot": scene.robot, "scope": scene.scope, "camera_height": scene.camera_height}
+    options["overrides"] = dict(scene.overrides)
+    true_room = [content_digest(folder / TRUE_MESH) for folder in (scene.frozen, scene.frozen.parent)]
+    others = {**_behaviour(scene.robot, scene.scope), **others, "true_room": _digest_of_any(true_room)}
+    there = {what: digest for what, digest in others.items() if digest}
+    return SceneInputs(captures, poses, frozen, sha256, options, there)
 
 
-def _captures(scene: PlannedScene) -> tuple[Files, str, Sequence[np.ndarray]]:
-    """A scene's captures, the digest of their poses, and these (4, 4), none where they are to be solved."""
+def _captures(scene: PlannedScene) -> tuple[Files, str, Sequence[np.ndarray], Mapping[str, str]]:
+    """A scene's captures, the digest of their poses, these (4, 4), none where they are to be solved, and the digests
+    of what else they are imported or were made with, '' of what is not there."""
     if scene.is_bundle:
         bundle = Scene.open(scene.captures)
         declared, parts = bundle.declaration, (*IN_WORLD_FRAME, ESTIMATES)
         made_of = [content_digest(bundle.path / part) for part in parts]
         made_of += [declared.robot, declared.scope, declared.mesh_library]
         files = _digests((one.name, one.image_path) for one in bundle.read(CAPTURES))
-        return files, hashlib.sha256(json.dumps(made_of).encode()).hexdigest(), ()
+        kept = sorted(of_captures(declared.overrides).items())
+        library = content_digest(Path(declared.mesh_library)) if declared.mesh_library else ""
+        others = {"import_settings": _digest_of_any(kept), "mesh_library": library}
+        return files, _digest(made_of), (), {**others, **_behaviour(declared.robot, declared.scope)}
     if not scene.captures.is_dir():
         cure = "Name a folder of photographs, or a bundle."
         raise ExperimentError(f"the scene {scene.name} is not there", where=scene.captures, cure=cure)
     found = find_poses(scene.poses) if scene.poses else find_export(scene.captures)
     if found is None:
-        return _digests((path.name, path) for path in plain_photographs(scene.captures, SILENT)), "", ()
+        return _digests((path.name, path) for path in plain_photographs(scene.captures, SILENT)), "", (), {}
     record, place = found
     posed = record.read(place, scene.captures, with_overrides(dict(scene.overrides)).captures, SILENT)
     poses = [photograph.world_from_camera for photograph in posed.photographs]
-    return _digests((one.name, one.path) for one in posed.photographs), content_digest(place), poses
+    masks = [content_digest(one.mask_path) for one in posed.photographs if one.mask_path]
+    points = None if place.is_dir() or record.points is None else record.points(place, SILENT)
+    others = {"sensor_depth": _of_sensor(posed.depth), "masks": _digest_of_any(masks)}
+    others["points"] = "" if points is None else hashlib.sha256(b"".join(map(np.ndarray.tobytes, points))).hexdigest()
+    return _digests((one.name, one.path) for one in posed.photographs), content_digest(place), poses, others
+
+
+def _of_sensor(depth: SensorDepth | None) -> str:
+    """The digest of the sensor's maps; '' without any."""
+    if depth is None:
+        return ""
+    named = sorted([*depth.files.items(), *depth.confidence_files.items()])
+    places = [place for _, place in named] or [depth.folder, *([depth.confidence] if depth.confidence else [])]
+    return _digest([content_digest(place) for place in places])
+
+
+def _behaviour(robot: str, scope: str) -> dict[str, str]:
+    """The digests of a robot and a scope with all that their files name; '' where they are no files."""
+    of_robot, of_scope = "", list[str]()
+    if Path(robot).is_file():
+        from ..robot.model.robot_file import robot_digest  # MuJoCo takes a second
+
+        of_robot = robot_digest(robot) or content_digest(Path(robot))
+    if Path(scope).is_file():
+        from ..robot.scope.scope import BehaviourScope
+
+        of_scope = [content_digest(Path(scope))]
+        with contextlib.suppress(RobotError):  # cells say what is wrong with it
+            of_scope += map(content_digest, BehaviourScope.load(scope).files)
+    return {"robot": of_robot, "scope": _digest_of_any(of_scope)}
+
+
+def _digest_of_any(values: Sequence[Any]) -> str:
+    """The digest of a list of JSON values; '' where there are none but empty ones."""
+    return _digest(values) if any(values) else ""
+
+
+def _digest(value: Any) -> str:
+    """The digest of a JSON value."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
 
 
 def _frozen(frozen: Path) -> tuple[Files, Sequence[Photograph], str]:
@@ -123,7 +176,7 @@ def _frozen(frozen: Path) -> tuple[Files, Sequence[Photograph], str]:
     if not files:
         raise ExperimentError("there are no frozen views", where=frozen, cure="Hold photographs out, and name them.")
     seen = [[asdict(view.lens), np.asarray(view.world_from_camera, float).tolist()] for view in views]
-    return files, views, hashlib.sha256(json.dumps([files, seen], sort_keys=True).encode()).hexdigest()
+    return files, views, _digest([files, seen])
 
 
 def _digests(files: Iterator[tuple[str, Path]]) -> Files:
@@ -173,5 +226,7 @@ def known_inputs(file: Path) -> dict[str, Any]:
 
 
 def _as_json(inputs: SceneInputs) -> dict[str, Any]:
+    """As the file has it: ``others`` by their names beside the rest, so that what changed is named."""
     found: dict[str, Any] = json.loads(json.dumps(asdict(inputs)))
+    found.update(found.pop("others"))
     return found

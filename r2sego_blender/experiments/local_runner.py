@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from ..core.resources import available_cores, available_memory_mb
 from .cells import Cell
-from .running import Outcome, RunCell
+from .running import Outcome, RunCell, failure
 
 _SHARE_OF_MEMORY = 0.9
 
@@ -41,7 +41,11 @@ class LocalRunner:
         """In a thread of its own: on Linux a cell's command ends with the thread that started it."""
 
         def do() -> None:
-            self._ended.put((cell, run_cell(cell)))
+            try:
+                outcome = run_cell(cell)
+            except Exception as error:  # else the cell would be waited for without end
+                outcome = failure(cell, error)
+            self._ended.put((cell, outcome))
 
         threading.Thread(target=do, name=cell.name, daemon=True).start()
 

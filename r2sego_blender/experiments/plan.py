@@ -199,9 +199,15 @@ def _checked(plan: Plan, reader: Reader) -> None:
         wrong("scenes", "make too many cells", f"Plan at most {MOST_CELLS}.")
 
 
-def _refuse_settings(overrides: Mapping[str, Any], place: str, of_captures: bool, reader: Reader) -> None:
+def of_captures(overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """Those settings that an import is made with."""
+    return {key: value for key, value in overrides.items() if key.startswith("captures.")}
+
+
+def _refuse_settings(overrides: Mapping[str, Any], place: str, import_alone: bool, reader: Reader) -> None:
+    of_import = of_captures(overrides)
     for key in overrides:
-        if key == "seed" or key.startswith("captures.") != of_captures:
+        if key == "seed" or (key in of_import) != import_alone:
             cure = "Settings captures.* belong to a scene's overrides, all others but seed to a preset's."
             raise reader.wrong(f"{place}.{key}", "does not belong there", cure)
     try:

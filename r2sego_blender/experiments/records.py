@@ -47,7 +47,7 @@ class Record:
     ``key`` is the cell's. ``arms`` are the bundle's scores (``report/metrics.json``), ``assets`` the digests of what
     was scored; ``stages`` are the commands of the last run, and ``steps`` the seconds of every step of its bundle,
     whenever it was made. ``made_by`` says version, commit and machine, ``finished`` when, in seconds since 1970.
-    ``not_scored`` are the arms that could not be run here, and why.
+    ``not_scored`` are the arms that could not be run here, and why; ``equipment`` is what there was to score with.
     """
 
     key: str
@@ -58,6 +58,7 @@ class Record:
     made_by: Mapping[str, str]
     finished: float
     not_scored: Mapping[str, str] = field(default_factory=dict)
+    equipment: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def seconds(self) -> float:
@@ -92,6 +93,7 @@ def read_record(folder: Path) -> Record | None:
             {str(name): str(value) for name, value in data["made_by"].items()},
             _number(data["finished"]),
             {str(arm): str(why) for arm, why in data.get("not_scored", {}).items()},
+            {str(name): str(identity) for name, identity in data.get("equipment", {}).items()},
         )
     except (FileNotFoundError, NotADirectoryError):
         return None
@@ -99,6 +101,18 @@ def read_record(folder: Path) -> Record | None:
         raise ExperimentError(
             f"this record is damaged: {error}", where=file, cure="Remove it: the cell goes on from its bundle."
         ) from error
+
+
+def final_record(folder: Path, key: str, equipment: Mapping[str, str]) -> Record | None:
+    """The record in a cell's folder, None unless it has the ``key`` and lacks nothing that could be scored here.
+
+    What was scored elsewhere stays where this machine has not the ``equipment``. Raises as ``read_record``.
+    """
+    record = read_record(folder)
+    if record is None or record.key != key:
+        return None
+    as_here = all(own in ("", record.equipment.get(name, "")) for name, own in equipment.items())
+    return record if as_here else None
 
 
 def _number(value: Any) -> float:

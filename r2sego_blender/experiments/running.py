@@ -24,8 +24,10 @@ from ..workers.child import RUNNING, forget
 from ..workers.engine import LIBRARY, engine_environment
 from ..workers.processes import DYING_WITH_PARENT
 from .cells import Cell
+from .equipment import equipment
 from .inputs import frozen_digest
-from .records import Record, Stage, made_by, read_record
+from .plan import of_captures
+from .records import Record, Stage, final_record, made_by, read_record
 
 LOG = "log.txt"
 LOCK = ".lock"
@@ -53,7 +55,7 @@ RunCell = Callable[[Cell], Outcome]
 
 
 def run_cell(cell: Cell, program: Sequence[str] = PROGRAM, patience_s: float = 60.0) -> Outcome:
-    """Do what is left of a cell, and write its record; failures of its commands come back, and are not raised.
+    """Do what is left of a cell, and write its record; failures come back, and are not raised.
 
     A cell that another process does is waited for so long, and not done again where it has come to its end: a
     machine that was given up may have written its record before, or an earlier experiment may still be ending.
@@ -61,17 +63,22 @@ def run_cell(cell: Cell, program: Sequence[str] = PROGRAM, patience_s: float = 6
     try:
         cell.folder.mkdir(parents=True, exist_ok=True)
         with _alone(cell, patience_s):
-            record = read_record(cell.folder)
-            if record is None or record.key != cell.key:
+            record = final_record(cell.folder, cell.key, equipment(cell.arms))
+            if record is None:
                 _done(cell, program).write(cell.folder)
                 record = read_record(cell.folder)  # as the next run will find it, to the byte
-    except R2SEgoError as error:
-        return Outcome(None, str(error))
-    except OSError as error:
-        return Outcome(None, f"{error.filename or cell.folder}: {error.strerror or error}")
-    except subprocess.SubprocessError as error:
-        return Outcome(None, f"{cell.folder}: a command could not be started: {error}")
+    except Exception as error:
+        return failure(cell, error)
     return Outcome(record)
+
+
+def failure(cell: Cell, error: Exception) -> Outcome:
+    """What became of a cell that an error ended, of whatever type: nothing else ends with it."""
+    if isinstance(error, R2SEgoError):
+        return Outcome(None, str(error))
+    if isinstance(error, OSError):
+        return Outcome(None, f"{error.filename or cell.folder}: {error.strerror or error}")
+    return Outcome(None, f"{cell.folder}: {type(error).__name__}: {error}")
 
 
 @contextlib.contextmanager
@@ -97,6 +104,7 @@ def _done(cell: Cell, program: Sequence[str]) -> Record:
     if not cell.bundle.exists():
         copy_bundle(cell.imported, cell.bundle)
     _declare(cell)
+    scored_with = equipment(cell.arms)
     asked = ["--frozen", str(cell.scene.frozen), "--arms", ",".join(cell.arms), "--distinct"]
     if cell.refined:
         stages.append(_command("refine", [*program, "refine", str(cell.bundle)], cell))
@@ -117,7 +125,8 @@ def _done(cell: Cell, program: Sequence[str]) -> Record:
     arms = {arm: metrics["arms"][arm] for arm in cell.arms if arm not in not_scored}
     steps = {record["step"]: record.get("seconds", 0.0) for record in scene.journal()}
     finished = round(time.time(), 3)
-    return Record(cell.key, arms, metrics.get("assets", {}), tuple(stages), steps, made_by(), finished, not_scored)
+    assets = metrics.get("assets", {})
+    return Record(cell.key, arms, assets, tuple(stages), steps, made_by(), finished, not_scored, scored_with)
 
 
 def _import_options(cell: Cell) -> list[str]:
@@ -157,9 +166,8 @@ def copy_bundle(source: Path, bundle: Path) -> None:
 def _declare(cell: Cell) -> None:
     """The cell's settings, in place of those that its bundle had before; what the import was made with stays."""
     scene = Scene.open(cell.bundle)
-    of_captures = {key: value for key, value in scene.declaration.overrides.items() if key.startswith("captures.")}
     with scene.locked():
-        overrides = {**of_captures, **dict(cell.preset.overrides), "seed": cell.seed}
+        overrides = {**of_captures(scene.declaration.overrides), **dict(cell.preset.overrides), "seed": cell.seed}
         scene.declare(preset=cell.preset.preset, overrides=overrides)
 
 
@@ -168,7 +176,7 @@ def _command(name: str, command: Sequence[str], cell: Cell) -> Stage:
     started_s = time.monotonic()
     variables = {**engine_environment(), **dict.fromkeys(_THREADS, str(cell.threads))}
     with (cell.folder / LOG).open("ab") as log:
-        log.write(f"$ r2sego {' '.join(command[len(PROGRAM) :])}\n".encode())
+        log.write(f"$ r2sego {' '.join(command[len(PROGRAM) :])}\n".encode(errors="backslashreplace"))
         log.flush()
         begins = log.tell()
         process = subprocess.Popen(

@@ -10,14 +10,16 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+from .. import __version__
 from ..core.atomic_files import remove
-from ..core.errors import ExperimentError, R2SEgoError
+from ..core.errors import ExperimentError
 from ..core.file_locks import wait_for_lock
 from ..core.user_configuration import cache_folder
 from .cells import Cell
+from .equipment import equipment
 from .object_store import ObjectStore
-from .records import RECORD, Record, read_record
-from .running import Outcome, RunCell
+from .records import RECORD, Record, final_record
+from .running import Outcome, RunCell, failure
 
 _OF_TABLES = re.compile(r"record\.json|log\.txt|bundle\.r2s/(scene\.toml|journal\.jsonl|report/.*(?<!\.ply))")
 _ABOVE = 4  # a cell's folder is EXPERIMENT/cells/PRESET/SCENE/COUNT/seed_S
@@ -77,10 +79,8 @@ class StoredCells:
             if here.bundle.exists():
                 self.store.publish(here.folder, _relative(cell, cell.folder))
             return outcome
-        except R2SEgoError as error:
-            return Outcome(None, str(error))
-        except OSError as error:
-            return Outcome(None, f"{error.filename}: {error.strerror or error}")
+        except Exception as error:
+            return failure(cell, error)
 
     def _take(self, cell: Cell, here: Cell) -> None:
         """What the cell is made of, and what others have made of it."""
@@ -97,10 +97,9 @@ class StoredCells:
         place = here.folder.with_name(f".record-{here.folder.name}")
         try:
             self.store.fetch(_relative(cell, cell.folder), place, lambda name: name == RECORD)
-            record = read_record(place)
+            return final_record(place, cell.key, equipment(cell.arms))
         finally:
             remove(place)
-        return record if record is not None and record.key == cell.key else None
 
 
 def _of_scene(cell: Cell) -> str:
@@ -112,8 +111,9 @@ def _relative(cell: Cell, place: Path) -> str:
 
 
 def _inputs_digest(cell: Cell) -> str:
-    """Of other photographs or held-out views nothing is taken, though they have the same names."""
-    return hashlib.sha256(json.dumps(asdict(cell.inputs), sort_keys=True).encode()).hexdigest()[:16]
+    """Of other photographs, held-out views or versions nothing is taken, though the names are the same."""
+    made_of = [__version__, asdict(cell.inputs)]
+    return hashlib.sha256(json.dumps(made_of, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def _moved(cell: Cell, root: Path) -> Cell:

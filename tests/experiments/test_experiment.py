@@ -15,9 +15,12 @@ import pytest
 from click.testing import CliRunner
 from fake_experiment import FAKE, PLAN, PROGRAM, finished
 from progress_recorder import ProgressRecorder
+from stand_in_methods import write_genfusion
 
 from r2sego_blender.commands.cli import main
 from r2sego_blender.core.errors import ExperimentError
+from r2sego_blender.evaluation.external_arms import genfusion
+from r2sego_blender.evaluation.lpips.weights import WEIGHTS_VARIABLE
 from r2sego_blender.experiments.experiment import Experiment, alone, run_experiment
 from r2sego_blender.experiments.gathering import LATEX, MARKDOWN, METRICS
 from r2sego_blender.experiments.plan import Plan
@@ -74,6 +77,43 @@ def test_methods_that_could_not_be_run_are_named_and_cost_no_cell(plan, control,
     for told in ("GenFusion was not run in 2 of 2 cells", "not set up", "Difix3D+: difix3d_plus 1.0"):
         assert table.count(told) == 1 and told in (tmp_path / "made" / "page.html").read_text()
     assert not run_experiment(chosen, tmp_path / "made", 1, program=PROGRAM)[0].left
+
+
+def test_cells_are_scored_again_once_a_method_is_set_up_that_was_not_and_not_for_one_that_broke(
+    plan, control, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("FAKE_NOT_SCORED", "genfusion")
+    monkeypatch.delenv(genfusion.BACKEND.variable, raising=False)
+    chosen = dataclasses.replace(plan, arms=("vanilla_3dgs", "genfusion", "refined"), counts=(3,))
+    run_experiment(chosen, tmp_path / "out", 1, program=PROGRAM)
+    monkeypatch.setenv(genfusion.BACKEND.variable, sys.executable)
+    monkeypatch.setenv(genfusion.REPOSITORY_VARIABLE, str(write_genfusion(tmp_path / "repository")))
+    assert len(Experiment.of(chosen, tmp_path / "out").left) == 2
+    done, _ = run_experiment(chosen, tmp_path / "out", 1, program=PROGRAM)  # where it breaks
+    assert len(finished(control, "evaluate")) == 4 and all(record.not_scored for record in done.records.values())
+    assert not Experiment.of(chosen, tmp_path / "out").left
+    monkeypatch.delenv(genfusion.BACKEND.variable)
+    assert not Experiment.of(chosen, tmp_path / "out").left
+
+
+def test_cells_are_scored_again_for_weights_of_lpips_and_not_for_the_lack_of_them(
+    two_cells, control, tmp_path, monkeypatch
+):
+    monkeypatch.delenv(WEIGHTS_VARIABLE, raising=False)
+    run_experiment(two_cells, tmp_path / "out", 1, program=PROGRAM)
+    weights = tmp_path / "weights"
+    weights.mkdir()
+    monkeypatch.setenv(WEIGHTS_VARIABLE, str(weights))
+    (weights / "alexnet-owt.pth").write_text("one")
+    assert not Experiment.of(two_cells, tmp_path / "out").left  # without heads they are none
+    (weights / "alex.pth").write_text("heads")
+    assert len(Experiment.of(two_cells, tmp_path / "out").left) == 2
+    run_experiment(two_cells, tmp_path / "out", 1, program=PROGRAM)
+    assert len(finished(control, "evaluate")) == 4 and not Experiment.of(two_cells, tmp_path / "out").left
+    (weights / "alexnet-owt.pth").write_text("two")
+    assert len(Experiment.of(two_cells, tmp_path / "out").left) == 2
+    monkeypatch.delenv(WEIGHTS_VARIABLE)
+    assert not Experiment.of(two_cells, tmp_path / "out").left
 
 
 def test_a_cell_that_aborts_natively_is_tried_again_and_no_more_often_than_that(two_cells, control, tmp_path):

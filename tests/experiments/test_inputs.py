@@ -164,7 +164,76 @@ def test_a_cells_key_changes_with_all_that_it_is_made_of_and_with_nothing_else(p
     assert not set(before.values()) & set(keys_of(text).values())
 
 
-def test_a_bundles_own_captures_and_edits_are_fixed(plan_file, tmp_path):
+FILES = {"robot": "my.xml", "scope": "my.toml", "true_room": "room.npz", "masks": "mask.png", "points": "points.ply"}
+"""What decides scores beside photographs and poses."""
+
+PLY = "ply\nformat ascii 1.0\nelement vertex 1\n{}end_header\n{} 0 1 9 9 9\n"
+PROPERTIES = "".join(f"property {kind}\n" for kind in ("float x", "float y", "float z"))
+PROPERTIES += "".join(f"property uchar {name}\n" for name in ("red", "green", "blue"))
+
+
+@pytest.fixture
+def sensed_plan(plan_file, tmp_path):
+    """Photographs with a sensor's depth, a mask and points, a robot and a scope of one's own, in a known room."""
+    frames = []
+    for index in range(4):
+        pose = look_at((0.1 * index, 0, 1), (0.1 * index, 2, 1)).tolist()
+        named = {"file_path": f"room/{index:02d}.png", "depth_file_path": f"{index}.npy", "transform_matrix": pose}
+        frames.append({**named, "w": 8, "h": 6, "fl_x": 6.0, "fl_y": 6.0, "cx": 4.0, "cy": 3.0})
+        np.save(tmp_path / f"{index}.npy", np.ones((6, 8), np.float32))
+    frames[0]["mask_path"] = "mask.png"
+    told = {"metric": True, "frames": frames, "ply_file_path": "points.ply"}
+    (tmp_path / "transforms.json").write_text(json.dumps(told))
+    for number, name in enumerate(FILES.values()):
+        (tmp_path / name).write_text(f"<mujoco model='{number}'/>")
+    (tmp_path / "points.ply").write_text(PLY.format(PROPERTIES, 0))
+    paths = 'captures = "room"\nposes = "transforms.json"\nfrozen = "held_out"\nrobot = "my.xml"\nscope = "my.toml"\n'
+    plan_file.write_text(f"counts = [3]\n[[scenes]]\n{paths}")
+    return Plan.load(plan_file)
+
+
+@pytest.mark.parametrize("what", [*FILES, "sensor_depth"])
+def test_all_files_that_decide_scores_are_fixed_and_in_the_keys(sensed_plan, tmp_path, what):
+    before = keys(sensed_plan, tmp_path)
+    fixed_inputs(sensed_plan, folder_of(tmp_path))
+    if what == "sensor_depth":
+        np.save(tmp_path / "1.npy", np.full((6, 8), 2.0, np.float32))
+    else:
+        text = PLY.format(PROPERTIES, 7) if what == "points" else "<mujoco model='another'/>"
+        (tmp_path / FILES[what]).write_text(text)
+    with pytest.raises(ExperimentError, match=f"{what} of the scene room "):
+        fixed_inputs(sensed_plan, tmp_path / "out")
+    shutil.rmtree(tmp_path / "out")
+    assert not set(before.values()) & set(keys(sensed_plan, tmp_path).values())
+
+
+def test_a_meshs_content_and_a_policys_are_those_of_their_robot_and_scope(sensed_plan, tmp_path):
+    mesh = (
+        "<asset><mesh name='a' file='a.obj'/></asset><worldbody><body><geom type='mesh' mesh='a'/></body></worldbody>"
+    )
+    (tmp_path / "my.xml").write_text(f"<mujoco>{mesh}</mujoco>")
+    (tmp_path / "my.toml").write_text('[controller]\nkind = "policy"\nfile = "walk.onnx"\n')
+    for name in ("a.obj", "walk.onnx"):
+        (tmp_path / name).write_text("one")
+    before = keys(sensed_plan, tmp_path)
+    for name in ("a.obj", "walk.onnx"):
+        (tmp_path / name).write_text("another")
+        now = keys(sensed_plan, tmp_path)
+        assert not set(before.values()) & set(now.values())
+        before = now
+
+
+def test_a_file_with_more_than_is_known_is_refused_by_it(plan, tmp_path):
+    fixed_inputs(plan, folder_of(tmp_path))
+    told = json.loads((tmp_path / "out" / INPUTS).read_text())
+    told["scenes"]["room"]["weather"] = "fine"
+    (tmp_path / "out" / INPUTS).write_text(json.dumps(told))
+    with pytest.raises(ExperimentError, match="weather of the scene room"):
+        fixed_inputs(plan, tmp_path / "out")
+
+
+def of_bundle(plan_file, tmp_path):
+    """A bundle of three captures, and its plan."""
     camera = Camera(8, 6, 6.0, 6.0, 4.0, 3.0, np.eye(4))
 
     def fill(place):
@@ -173,7 +242,11 @@ def test_a_bundles_own_captures_and_edits_are_fixed(plan_file, tmp_path):
 
     scene = new_bundle(tmp_path / "made.r2s", fill)
     plan_file.write_text('[[scenes]]\ncaptures = "made.r2s"\nfrozen = "held_out"\n')
-    plan = Plan.load(plan_file)
+    return scene, Plan.load(plan_file)
+
+
+def test_a_bundles_own_captures_and_edits_are_fixed(plan_file, tmp_path):
+    scene, plan = of_bundle(plan_file, tmp_path)
     (cell,) = cells_of(plan, fixed_inputs(plan, folder_of(tmp_path)), tmp_path / "out")
     assert cell.captures == 3 and cell.imported == scene.path and cell.shared is None
     scene.declare(overrides={"rounds": 1})  # which the plan's presets decide
@@ -182,3 +255,23 @@ def test_a_bundles_own_captures_and_edits_are_fixed(plan_file, tmp_path):
     (scene.path / "objects/chair.json").write_text("{}")
     with pytest.raises(ExperimentError, match="poses of the scene made "):
         fixed_inputs(plan, tmp_path / "out")
+
+
+@pytest.mark.parametrize("what", ["import_settings", "mesh_library", "robot"])
+def test_what_a_bundle_was_made_with_is_fixed_and_in_the_keys(plan_file, tmp_path, what):
+    scene, plan = of_bundle(plan_file, tmp_path)
+    (tmp_path / "library").mkdir()
+    for name in ("library/chair.obj", "my.xml"):
+        (tmp_path / name).write_text("<mujoco/>")
+    scene.declare(mesh_library=str(tmp_path / "library"), robot=str(tmp_path / "my.xml"))
+    before = keys(plan, tmp_path)
+    fixed_inputs(plan, folder_of(tmp_path))
+    if what == "import_settings":
+        scene.declare(overrides={"captures.max_side_px": 99})
+    else:
+        file = {"mesh_library": "library/chair.obj", "robot": "my.xml"}[what]
+        (tmp_path / file).write_text("<mujoco model='another'/>")
+    with pytest.raises(ExperimentError, match=f"{what} of the scene made "):
+        fixed_inputs(plan, tmp_path / "out")
+    shutil.rmtree(tmp_path / "out")
+    assert not set(before.values()) & set(keys(plan, tmp_path).values())

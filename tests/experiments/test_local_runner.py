@@ -30,3 +30,13 @@ def test_by_default_as_many_run_as_there_are_cores_for_their_threads(monkeypatch
     monkeypatch.setattr("r2sego_blender.experiments.local_runner.available_cores", lambda: 8)
     assert [LocalRunner().at_once(threads) for threads in (1, 3, 16)] == [8, 2, 1]
     assert LocalRunner(5).at_once(4) == 5
+
+
+def test_a_cell_that_ends_with_an_error_of_any_type_has_failed_and_is_not_waited_for(cells):
+    def do(cell):
+        raise ValueError("embedded null byte")
+
+    runner = LocalRunner(1, 1e9)
+    runner.start(cells[0], do, 1.0)
+    cell, outcome = runner.ended(10.0) or (None, None)
+    assert cell is cells[0] and outcome.record is None and "ValueError: embedded null byte" in outcome.failure

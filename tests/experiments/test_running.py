@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import sys
 import threading
 from pathlib import Path
 
@@ -189,3 +190,21 @@ def test_the_demo_room_goes_from_photographs_to_a_table(tmp_path):
     alone.declare(overrides={"captures.matcher": "sift", "captures.refine_poses": "never"})
     assert content_digest(alone.path) == content_digest(tmp_path / "out/imports/room/3.r2s")
     assert content_digest(alone.captures_folder) == content_digest(scene.captures_folder)
+
+
+def test_what_no_command_can_be_given_is_a_failure_of_the_cell(cells, control):
+    cells[0].imported.rmdir()
+    scene = dataclasses.replace(cells[0].scene, camera_height="1\0")
+    outcome = run_cell(dataclasses.replace(cells[0], scene=scene), PROGRAM)
+    assert outcome.record is None and "ValueError" in outcome.failure
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere paths are Unicode")
+def test_photographs_in_a_folder_that_no_text_can_name_are_refined_as_others(plan_file, control, tmp_path):
+    odd = tmp_path / os.fsdecode(b"\xff")
+    odd.mkdir()
+    for name in ("room", "held_out", "plan.toml"):
+        (tmp_path / name).rename(odd / name)
+    plan = Plan.load(odd / "plan.toml")
+    made = cells_of(plan, fixed_inputs(plan, tmp_path / "out", write=False), tmp_path / "out")
+    assert run_cell(made[0], PROGRAM).record is not None

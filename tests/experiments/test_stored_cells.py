@@ -142,3 +142,22 @@ def test_storage_of_another_kind_is_refused_before_anything_is_made(plan_file, p
     asked = ["experiment", str(plan_file), "--out", str(tmp_path / "out"), "--store", "ftp://rooms"]
     result = CliRunner().invoke(main, asked)
     assert result.exit_code != 0 and "s3://" in result.output and not (tmp_path / "out").exists()
+
+
+def test_an_error_of_any_type_is_a_failure_of_the_cell(plan, store, machine, tmp_path):
+    def do(cell):
+        raise ValueError("no record")
+
+    cell = cell_of(plan, tmp_path)
+    put_scenes([cell], store)
+    outcome = StoredCells(store, do)(cell)
+    assert outcome.record is None and "ValueError: no record" in outcome.failure
+
+
+def test_another_version_takes_nothing_of_this_ones(plan, store, control, machine, tmp_path, monkeypatch):
+    run_experiment(plan, tmp_path / "one", 1, program=PROGRAM, store=store)
+    imported = len(finished(control, "new"))
+    for module in ("bundle.keys", "experiments.inputs", "experiments.stored_cells"):
+        monkeypatch.setattr(f"r2sego_blender.{module}.__version__", "99.0.0", raising=False)
+    _, failures = run_experiment(plan, tmp_path / "two", 1, program=PROGRAM, store=store)
+    assert not failures and len(finished(control, "new")) == 2 * imported
