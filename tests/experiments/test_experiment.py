@@ -21,6 +21,7 @@ from r2sego_blender.commands.cli import main
 from r2sego_blender.core.errors import ExperimentError
 from r2sego_blender.evaluation.external_arms import genfusion
 from r2sego_blender.evaluation.lpips.weights import WEIGHTS_VARIABLE
+from r2sego_blender.experiments import scheduling
 from r2sego_blender.experiments.experiment import Experiment, alone, run_experiment
 from r2sego_blender.experiments.gathering import LATEX, MARKDOWN, METRICS
 from r2sego_blender.experiments.plan import Plan
@@ -36,7 +37,8 @@ def scores(folder):
     return [{key: value for key, value in one.items() if key not in measured} for one in entries]
 
 
-def test_one_and_two_processes_come_to_the_same_and_nothing_is_done_twice(plan, control, tmp_path):
+def test_one_and_two_processes_come_to_the_same_and_nothing_is_done_twice(plan, control, tmp_path, monkeypatch):
+    monkeypatch.setattr(scheduling, "_PAUSE", 0.0)  # each cell's end is told, however soon after another's
     one, failures = run_experiment(plan, tmp_path / "one", 1, program=PROGRAM)
     assert not failures and len(one.records) == len(one.cells) == 4
     recorder = ProgressRecorder()
