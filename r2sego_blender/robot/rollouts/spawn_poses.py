@@ -18,7 +18,7 @@ from ...core.progress import SILENT, Progress
 from ..behaviours.trajectory import Seat
 from ..model.composition import compose
 from ..model.model import RobotModel
-from ..planning.free_floor import FreeFloor, free_floor
+from ..planning.free_floor import CELL_M, FreeFloor, free_floor
 from ..planning.navigation import ways_to_seats
 from ..planning.seats import find_seats
 from ..scope.scope import BehaviourScope
@@ -30,7 +30,7 @@ _ABOUT = (
     "MuJoCo for held_s with the embedded reference motions, and has a way over the free floor of way_m to the place "
     "before its seat, a number of seats; without seats, to all the free floor. What was tried and refused has a reason."
 )
-# Candidates lie so far apart, so many are stood on, each for so long.
+# Candidates lie so far apart at least, so many are stood on, each for so long.
 _SPACING_M, _MOST, _HELD_S = 0.25, 64, 1.0
 
 
@@ -91,7 +91,7 @@ def find_spawn_poses(
     seed: int,
     progress: Progress = SILENT,
 ) -> SpawnPoses:
-    """Try places all over the region, a quarter of a metre apart, and until 64 are proven.
+    """Try places all over the region, no two nearer than a quarter of a metre, and until 64 are proven.
 
     The same arguments give the same bits. Raises RobotError where the scene has no free floor, or no seat
     where the scope has the robot sit down.
@@ -134,13 +134,20 @@ def _ways(floor: FreeFloor, seats: Sequence[Seat]) -> tuple[np.ndarray, np.ndarr
 
 
 def _candidates(floor: FreeFloor, rng: np.random.Generator) -> np.ndarray:
-    """Cells (n, 2) of the region in a drawn order, each the nearest to a point of a grid over it."""
-    rows, columns = np.nonzero(floor.region | floor.free)
-    points = floor.points(rows, columns)
-    spots = np.floor((points - points.min(axis=0)) / _SPACING_M).astype(int)
-    _, first = np.unique(spots, axis=0, return_index=True)
-    cells = np.stack([rows, columns], axis=1)[first]
-    return rng.permutation(cells)
+    """Cells (n, 2) of the region in a drawn order, no two nearer than ``_SPACING_M`` and all others nearer to one.
+
+    Free ones come before others that they would have to make room for.
+    """
+    reach = round(_SPACING_M / CELL_M)
+    across = np.arange(-reach, reach + 1)
+    apart = across[:, None] ** 2 + across**2 >= reach**2
+    waiting = np.pad(floor.region | floor.free, reach)
+    cells = []
+    for row, column in (*np.argwhere(floor.free), *np.argwhere(floor.region & ~floor.free)):
+        if waiting[row + reach, column + reach]:
+            cells.append((row, column))
+            waiting[row : row + len(across), column : column + len(across)] &= apart
+    return rng.permutation(np.array(cells))
 
 
 def _told(pose: SpawnPose, *fields: str) -> dict[str, Any]:

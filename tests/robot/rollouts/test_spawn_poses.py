@@ -5,13 +5,17 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+from scipy.spatial.distance import cdist
 
 from r2sego_blender.config.settings import RolloutSettings
 from r2sego_blender.core.errors import RobotError
 from r2sego_blender.robot.behaviours.trajectory import Seat
-from r2sego_blender.robot.planning.free_floor import free_floor
+from r2sego_blender.robot.planning.free_floor import FreeFloor, free_floor
 from r2sego_blender.robot.planning.navigation import path_between
-from r2sego_blender.robot.rollouts.spawn_poses import Refusal, find_spawn_poses
+from r2sego_blender.robot.rollouts.spawn_poses import Refusal, _candidates, find_spawn_poses
 from r2sego_blender.robot.scope.scope import BehaviourScope
 
 CHAIR = ((-1.0, 0.0, 0.25, 0.25, 0.21), (-1.3, 0.0, 0.05, 0.25, 0.45))
@@ -41,6 +45,23 @@ def test_each_is_free_and_leads_to_the_nearest_of_the_seats(poses, humanoid, roo
         straight_m = math.dist(pose.xy_m, before[pose.seat])
         assert pose.way_m > straight_m - 0.1
         assert pose.way_m < 3.0 * straight_m + 0.3  # a cell near an edge counts three times
+
+
+@settings(deadline=None, max_examples=40)
+@given(rows=st.integers(1, 40), columns=st.integers(1, 40), seed=st.integers(0, 2**16))
+def test_of_any_floor_no_two_candidates_are_near_and_nothing_is_far_from_all(rows, columns, seed):
+    made_up = ndimage.uniform_filter(np.random.default_rng(seed).random((rows, columns)), 5)
+    region, free = made_up >= np.median(made_up), made_up >= np.quantile(made_up, 0.7)
+    floor = FreeFloor(np.array([-1.3, 0.7]), free, region, np.zeros(free.shape), 0.0)
+    first, again, other = (_candidates(floor, np.random.default_rng(draw)) for draw in (1, 1, 2))
+    np.testing.assert_array_equal(first, again)
+    np.testing.assert_array_equal(np.unique(first, axis=0), np.unique(other, axis=0))
+    assert region[tuple(first.T)].all()
+    places = floor.points(*first.T)
+    apart_m = cdist(places, places) + np.diag(np.full(len(places), np.inf))
+    assert apart_m.min() > 0.25 - 1e-9
+    for cells, candidates in ((region, places), (free, places[free[tuple(first.T)]])):
+        assert cdist(floor.points(*np.nonzero(cells)), candidates).min(axis=1).max() < 0.25
 
 
 def test_what_is_refused_lies_where_the_robot_does_not_fit(poses, humanoid, room):
