@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
@@ -64,26 +64,12 @@ def free_floor(robot: RobotModel, scope: BehaviourScope, collision_mjcf: Path) -
     A cell is free where an upright cylinder around the resting robot, from ``FLATNESS_M`` above
     the floor to the head and grown by the scope's clearance, touches nothing and a flat floor
     lies below. The largest
-    connected piece is kept. Raises NoFloorError when nothing is left.
+    connected piece is kept. Raises NoFloorError as ``require_floor`` does, and when nothing is left.
     """
     radius_m = robot.radius_m + scope.region.clearance_m
     model, probe = _with_probe(collision_mjcf, radius_m, robot.height_m)
-    origin, rows, columns = _grid(model, probe, scope, collision_mjcf)
-    x, y = np.meshgrid(np.arange(columns), np.arange(rows))
-    centres = origin + CELL_M * np.stack([x, y], axis=-1)
-    inside = np.ones((rows, columns), bool)
-    polygon = scope.region.within
-    if polygon != FREE_FLOOR:
-        inside = points_in_poly(centres.reshape(-1, 2), polygon).reshape(rows, columns)
     data = mujoco.MjData(model)
-    floor_z = _floor_heights(model, data, probe, centres, inside)
-    if not np.isfinite(floor_z).any():
-        raise NoFloorError(
-            "the collision scene has no floor to stand on",
-            where=collision_mjcf,
-            cure="Photograph the floor; or lay the ground (`r2sego register`, in Blender Captures), or draw "
-            "a floor at z = 0 (`r2sego edit-proxy --draw`, in Blender Edit Proxy).",
-        )
+    centres, inside, floor_z = _floor(model, data, probe, scope, collision_mjcf)
     floor_z_m = float(np.nanmedian(floor_z))
     free = inside & (np.abs(floor_z - floor_z_m) < FLATNESS_M)
     with mujoco_warnings() as warned:
@@ -105,9 +91,47 @@ def free_floor(robot: RobotModel, scope: BehaviourScope, collision_mjcf: Path) -
     # The padding counts as not free, so the grid's own edge has no clearance.
     clearance = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1] * CELL_M
     region = inside
-    if polygon == FREE_FLOOR:
+    if scope.region.within == FREE_FLOOR:
         region = ndimage.distance_transform_edt(~free) * CELL_M <= radius_m
-    return FreeFloor(origin, free, region, clearance, floor_z_m)
+    return FreeFloor(centres[0, 0], free, region, clearance, floor_z_m)
+
+
+def require_floor(scope: BehaviourScope, collision_mjcf: Path) -> None:
+    """Raises NoFloorError where no surface to stand on lies in the scope's region, or in all the scene."""
+    model, probe = _with_probe(collision_mjcf, 1.0, 1.0)
+    _floor(model, mujoco.MjData(model), probe, scope, collision_mjcf)
+
+
+def _floor(
+    model: mujoco.MjModel, data: mujoco.MjData, probe: int, scope: BehaviourScope, collision_mjcf: Path
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Centres (ny, nx, 2) of the grid's cells, which lie in the region (ny, nx), and the heights there (ny, nx)."""
+    origin, rows, columns = _grid(model, probe, scope, collision_mjcf)
+    x, y = np.meshgrid(np.arange(columns), np.arange(rows))
+    centres = origin + CELL_M * np.stack([x, y], axis=-1)
+    inside = np.ones((rows, columns), bool)
+    polygon = scope.region.within
+    if polygon != FREE_FLOOR:
+        inside = points_in_poly(centres.reshape(-1, 2), polygon).reshape(rows, columns)
+    heights = _floor_heights(model, data, probe, centres, inside)
+    if np.isfinite(heights).any():
+        return centres, inside, heights
+    if polygon != FREE_FLOOR:
+        # Where there is none outside of the region either, that is what is told.
+        everywhere = replace(scope, region=replace(scope.region, within=FREE_FLOOR))
+        _floor(model, data, probe, everywhere, collision_mjcf)
+        raise NoFloorError(
+            "no floor lies in the region",
+            where=f"scope {scope.name}, region.within",
+            cure="Give one over the floor, or all of it: `r2sego robot SCENE --region free_floor`, in Blender Free "
+            "Floor under Behaviour Region.",
+        )
+    raise NoFloorError(
+        "the collision scene has no floor to stand on",
+        where=collision_mjcf,
+        cure="Photograph the floor; or lay the ground (`r2sego register`, in Blender Captures), or draw "
+        "a floor at z = 0 (`r2sego edit-proxy --draw`, in Blender Edit Proxy).",
+    )
 
 
 def _with_probe(collision_mjcf: Path, radius_m: float, height_m: float) -> tuple[mujoco.MjModel, int]:

@@ -7,12 +7,13 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from expected_errors import refused
 from scipy import ndimage
 
-from r2sego_blender.core.errors import RobotError
+from r2sego_blender.core.errors import NoFloorError, RobotError
 from r2sego_blender.robot.model.model import RobotModel
 from r2sego_blender.robot.model.wheeled_base import CAMERA_HEIGHT_M, wheeled_base_mjcf
-from r2sego_blender.robot.planning.free_floor import CELL_M, FLATNESS_M, free_floor
+from r2sego_blender.robot.planning.free_floor import CELL_M, FLATNESS_M, free_floor, require_floor
 from r2sego_blender.robot.scope.scope import BehaviourScope, Region
 
 SCOPE = BehaviourScope("test")
@@ -113,6 +114,17 @@ def test_rooms_without_free_floor_say_so(humanoid, box_room, tmp_path):
         path = tmp_path / "scene.xml"
         path.write_text('<mujoco><worldbody><geom size="1" pos="0 0 9"/></worldbody></mujoco>')
         free_floor(humanoid, SCOPE, path)
+
+
+def test_a_region_beside_the_floor_is_told_from_a_scene_without_one(humanoid, box_room, tmp_path):
+    beside = replace(SCOPE, region=Region(within=((100.0, 100.0), (102.0, 100.0), (102.0, 102.0))))
+    bare = tmp_path / "scene.xml"
+    bare.write_text('<mujoco><worldbody><geom size="1" pos="0 0 9"/></worldbody></mujoco>')
+    for ask in (require_floor, lambda scope, scene: free_floor(humanoid, scope, scene)):
+        with refused(NoFloorError, "scope test, region.within", cure="`r2sego robot SCENE --region free_floor`"):
+            ask(beside, box_room())
+        with refused(NoFloorError, "scene.xml"):
+            ask(beside, bare)
 
 
 def test_endless_plane_needs_a_polygon(humanoid, tmp_path):
