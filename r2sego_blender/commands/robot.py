@@ -61,7 +61,7 @@ def robot(
         changes["region.within"] = corners
     if target is not None:
         changes = sitting_on(target, scope or opened.declaration.scope) | changes
-    opened = declare_robot(opened, model, scope, changes)
+    opened = declare_robot(opened, model, scope, changes, output.progress)
     output.show(describe_robot(opened, seats), lines)
 
 

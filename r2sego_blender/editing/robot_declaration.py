@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,8 +15,9 @@ from ..bundle.figures import ROBOT_FACTS
 from ..bundle.layout import SCOPE_FILE
 from ..bundle.scene import Scene
 from ..captures.store import CAPTURES
-from ..core.errors import GeometryError, RobotError
+from ..core.errors import GeometryError, RobotError, SceneError
 from ..core.json_files import write_json
+from ..core.progress import SILENT, Progress
 from ..geometry.objects.prior_files import PRIOR_RECORDS, PRIORS, object_place
 from ..geometry.proxy.proxy import PROXY
 from ..refine.behaviour import DeclaredBehaviour
@@ -24,35 +26,39 @@ from ..robot.behaviours.trajectory import Seat
 from ..robot.controllers.controller import check_controller
 from ..robot.model.model import RobotModel
 from ..robot.model.model_camera import eyes
-from ..robot.model.robot_file import EMBEDDED_HUMANOID, EMBEDDED_WHEELED
+from ..robot.model.robot_file import EMBEDDED
 from ..robot.motion.motion_facts import motion_facts, motion_line
-from ..robot.planning.free_floor import free_floor
+from ..robot.planning.free_floor import free_floor, require_floor
 from ..robot.planning.seats import TARGET_M, find_seats
 from ..robot.rollouts.assumptions import bounded_links_line
 from ..robot.scope.region import area_m2
-from ..robot.scope.scope import BehaviourScope, shipped_scopes
+from ..robot.scope.scope import FREE_FLOOR, BehaviourScope, shipped_scopes
 from ..robot.scope.scope_file import changed_scope, save_scope
 from .trial_rollouts import newest_surface
 
-_EMBEDDED = (EMBEDDED_HUMANOID, EMBEDDED_WHEELED)
 _SEEN_DEG = 5.0  # a turn of the camera that is worth a word
 _UPRIGHT = 0.99
 _FARTHEST_CAMERA_M = 10.0  # from its body; what lies farther was given in another unit
 
 
 def declare_robot(
-    scene: Scene, robot: str | None = None, scope: str | None = None, changes: Mapping[str, Any] | None = None
+    scene: Scene,
+    robot: str | None = None,
+    scope: str | None = None,
+    changes: Mapping[str, Any] | None = None,
+    progress: Progress = SILENT,
 ) -> Scene:
     """Give the scene another robot or scope, or fields of its scope other values.
 
     ``changes`` are values by the fields' names, such as ``region.within``; None is the
     default again. They are written to a scope file of the bundle's own, which becomes the
     scene's; shipped scopes and a person's files stay as they are. A robot that is given takes
-    the place of the scope's own, and that one's mount goes; without one the scope's counts.
-    Returns the scene as declared then; the next run redoes what depends on it. Raises RobotError
-    or GeometryError, and changes nothing then: a robot or a scope, its policy or motions that
-    cannot be read or do not go together, or a target that is no object of the scene. Where
-    nothing is given, nothing is looked at.
+    the place of the scope's own, and that one's mount goes unless it fits this robot, too; without
+    one the scope's counts. ``progress`` is told what became of the mount, and of a region that has
+    no floor on the newest collision surface. Returns the scene as declared then; the next run redoes
+    what depends on it. Raises RobotError or GeometryError, and changes nothing then: a robot or a
+    scope, its policy or motions that cannot be read or do not go together, or a target that is no
+    object of the scene. Where nothing is given, nothing is looked at.
     """
     changes = dict(changes or {})
     if robot is None and scope is None and not changes:
@@ -67,14 +73,19 @@ def declare_robot(
         if robot is None:
             robot = replaced = declared.robot
         else:
-            robot = robot if robot in _EMBEDDED else str(Path(robot).resolve())
+            robot = robot if robot.startswith("embedded:") else str(Path(robot).resolve())
             # A scope that is given with it, and names no robot, was written for it.
             replaced = given.robot.model or (declared.robot if scope is None else robot)
         if replaced != robot:
-            changes = {"robot.model": None, "robot.mount": None} | changes
+            mount = given.robot.mount
+            kept = mount if mount is not None and _fits(mount, robot) else None
+            changes = {"robot.model": None, "robot.mount": kept} | changes
         own = (scene.path / SCOPE_FILE).absolute()
         changed = changed_scope(given, changes, own) if changes else given
         _check(scene, changed, DeclaredBehaviour(changed, robot).model)
+        if replaced != robot:
+            _tell_mount(given.robot.mount, changed.robot.mount, progress)
+        _tell_region(scene, changed, progress)
         if changed != given:
             with scene.publishing(SCOPE_FILE) as file:
                 save_scope(changed, file)
@@ -115,7 +126,7 @@ def describe_robot(scene: Scene, seats: bool = False) -> dict[str, Any]:
     described = {
         "scene": str(scene.path),
         "robot": source,
-        "name": source.removeprefix("embedded:") if source in _EMBEDDED else Path(source).stem,
+        "name": source.removeprefix("embedded:") if source in EMBEDDED else Path(source).stem,
         "declared": [declared.robot, scene.name_of(declared.scope)],
         "joints": int(robot.model.njnt) - 1,
         "legs": len(robot.legs),
@@ -197,20 +208,51 @@ def _turned(robot: RobotModel) -> dict[str, float]:
     return {"left_deg": math.degrees(left), "rolled_deg": math.degrees(rolled)}
 
 
+def _fits(mount: Any, robot: str) -> bool:
+    """Whether a scope's mount can be had of the robot: it has the body, or the camera of that name."""
+    try:
+        RobotModel.load(robot, mount)
+    except RobotError:
+        return False
+    return True
+
+
+def _tell_mount(before: Any, now: Any, progress: Progress) -> None:
+    """Say what became of a scope's mount with another robot."""
+    if before is not None and now is None:
+        progress.message("The scope's robot.mount went with the robot that it was for.", "warning")
+    elif before is not None and now == before:
+        progress.message("The scope's robot.mount stays: it fits this robot, too. `--set robot.mount=` drops it.")
+
+
+def _tell_region(scene: Scene, scope: BehaviourScope, progress: Progress) -> None:
+    """Warn of a polygon without floor: drawn for a surface to come, or elsewhere by mistake."""
+    if scope.region.within == FREE_FLOOR:
+        return
+    with contextlib.suppress(SceneError):  # no surface yet, or one of another world frame
+        surface = newest_surface(scene)
+        try:
+            require_floor(scope, surface.collision_mjcf)
+        except RobotError as error:
+            progress.message(str(error), "warning")
+
+
 def _check(scene: Scene, scope: BehaviourScope, robot: RobotModel) -> None:
     """Refuse what no rollout of ``robot`` could do."""
     check_controller(robot, scope)
+    own = scope.robot.mount is None or isinstance(scope.robot.mount, str)
+    where = robot.source if own else f"scope {scope.name}, robot.mount"
     away_m = float(np.linalg.norm(robot.mount.parent_from_camera[:3, 3]))
     if away_m > _FARTHEST_CAMERA_M:
         raise RobotError(
             f"the camera is {away_m:.0f} m from '{robot.mount.parent}', which it is fixed to",
-            where=f"scope {scope.name}, robot.mount",
-            cure="Give its place in metres.",
+            where=where,
+            cure="Is the file in millimetres? Give metres." if own else "Give its place in metres.",
         )
     if robot.eye_height_m <= 0.0:
         raise RobotError(
             f"the camera is {-robot.eye_height_m:.2f} m below the floor that the robot stands on",
-            where=f"scope {scope.name}, robot.mount",
+            where=where,
             cure="Set its place higher: x forward, y left, z up.",
         )
     target = scope.sit_on.target

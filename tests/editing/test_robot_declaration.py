@@ -4,12 +4,14 @@ import json
 import math
 import os
 import re
+import shlex
 import shutil
 from pathlib import Path
 
 import click.testing
 import numpy as np
 import pytest
+from expected_errors import refused
 from made_up_room import made_up_bundle
 
 from r2sego_blender.bundle.layout import SCOPE_FILE
@@ -17,7 +19,7 @@ from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.store import CAPTURES
 from r2sego_blender.commands.cli import main
 from r2sego_blender.core.arrays import save_arrays
-from r2sego_blender.core.errors import R2SEgoError
+from r2sego_blender.core.errors import R2SEgoError, RobotError
 from r2sego_blender.editing.robot_declaration import declare_robot, describe_robot, lines
 from r2sego_blender.editing.trial_rollouts import newest_surface
 from r2sego_blender.geometry.objects.prior_files import PRIORS
@@ -25,6 +27,7 @@ from r2sego_blender.geometry.proxy.proxy import PROXY
 from r2sego_blender.refine.behaviour import DeclaredBehaviour
 from r2sego_blender.results.status import describe
 from r2sego_blender.robot.model.model import RobotModel
+from r2sego_blender.robot.model.wheeled_base import wheeled_base_mjcf
 from r2sego_blender.robot.scope.scope import BehaviourScope
 
 SQUARE = "0.0,-1.0 2.0,-1.0 2.0,1.0 0.0,1.0"
@@ -201,6 +204,62 @@ def test_a_mount_that_looks_aside_or_is_rolled_is_told(scene, rpy, left_deg, rol
     assert says in done.output
     camera = json.loads((scene.path / "robot" / "robot.json").read_text())["camera"]
     assert (camera["left_deg"], camera["rolled_deg"]) == pytest.approx((left_deg, rolled_deg), abs=0.01)
+
+
+def test_a_region_without_floor_is_told_when_it_is_declared(scene):
+    assert "warning" not in run(scene.path, "--region", SQUARE).output
+    done = run(scene.path, "--region", "100,100 102,100 102,102")
+    assert done.exit_code == 0 and "region.within" in done.stderr and "free_floor" in done.stderr
+    shutil.rmtree(scene.path / "rounds")  # no surface yet: it may come to lie there
+    assert "warning" not in run(scene.path, "--region", "100,100 102,100 102,102").output
+
+
+def rover(folder: Path, cameras: str = "", base: str = "base") -> Path:
+    """The embedded wheeled robot with other cameras, and its base called so."""
+    text = re.sub(r"<camera [^>]*/>", cameras, wheeled_base_mjcf()).replace('body name="base"', f'body name="{base}"')
+    file = folder / f"rover{len(cameras)}.xml"
+    file.write_text(text)
+    return file
+
+
+@pytest.mark.parametrize("cameras", ["", '<camera name="left eye"/><camera name="right eye"/>'])
+def test_the_cure_of_a_robot_without_an_eye_gives_it_one(scene, tmp_path, cameras):
+    robot = rover(tmp_path, cameras, "mo'bile base")
+    with refused(RobotError, robot, cure="--set") as caught:
+        declare_robot(scene, str(robot))
+    program, _, _, *options = shlex.split(caught.value.cure.split("`")[1])
+    assert program == "r2sego"
+    done = run(scene.path, *(str(robot) if option == "FILE" else option for option in options), "--json")
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)["camera"]["parent"] == "mo'bile base"
+
+
+def test_a_mount_stays_with_a_robot_that_has_its_body_and_is_told_to_go_with_another(scene, tmp_path):
+    mount = ["base", [0.05, 0.0, 0.4], [0.0, 0.4, 0.0], {"hfov_deg": 69}]
+    declared = declare_robot(scene, str(rover(tmp_path)), changes={"robot.mount": mount})
+    assert BehaviourScope.load(declared.declaration.scope).robot.mount == mount
+    kept = run(scene.path, "--robot", rover(tmp_path, '<camera name="eye"/>'))
+    assert "robot.mount" in kept.stderr and "warning" not in kept.stderr
+    assert BehaviourScope.load(declared.declaration.scope).robot.mount == mount
+    dropped = run(scene.path, "--robot", "embedded:humanoid")
+    assert dropped.exit_code == 0 and "warning" in dropped.stderr and "robot.mount" in dropped.stderr
+    assert BehaviourScope.load(declared.declaration.scope).robot.mount is None
+
+
+def test_a_camera_that_is_far_away_is_its_file_s_or_the_scope_s(scene, tmp_path):
+    robot = rover(tmp_path, '<camera name="eye" pos="30 0 800"/>')
+    with refused(RobotError, robot, "801 m", cure="millimetres"):
+        declare_robot(scene, str(robot))
+    with refused(RobotError, robot, "801 m", cure="millimetres"):
+        declare_robot(scene, str(robot), changes={"robot.mount": "eye"})
+    with refused(RobotError, "scope walk_and_look, robot.mount", "450 m"):
+        declare_robot(scene, str(robot), changes={"robot.mount": ["base", [0, 450, 0], [0, 0, 0], 60]})
+
+
+def test_an_embedded_robot_that_there_is_not_is_no_file_of_the_folder(scene):
+    with refused(RobotError, "embedded:spot") as caught:
+        declare_robot(scene, "embedded:spot")
+    assert caught.value.where == "embedded:spot"
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -63,6 +65,8 @@ _TABLES = {
     "mesh_vert": _FAR,
 }
 _TOLD_HINGES = 4
+# No robot of a room is larger; one in millimetres or centimetres is.
+_LARGEST_M = 20.0
 _FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 
 
@@ -100,8 +104,9 @@ class RobotModel:
         ``mount`` is the name of a camera in the file, ``[parent, xyz, rpy, fov]`` (see
         ``mount.parse_mount``), or None for the file's only camera or the one named
         ``head_camera``; cameras that follow or aim at something are none. Raises RobotError:
-        a file that does not compile (with MuJoCo's words), no free base, a ball joint, neither
-        two legs nor two driven wheels, an unknown camera or parent, a camera without perspective.
+        a file that does not compile (with MuJoCo's words), no free base, a ball joint, a size of
+        more than 20 m, neither two legs nor two driven wheels, an unknown camera or parent, a
+        camera without perspective.
         """
         source = str(source)
         model, bounded_links = compiled_robot(source)
@@ -118,8 +123,9 @@ class RobotModel:
             raise RobotError(
                 "the robot has no shape that can touch anything", where=source, cure="Give it collision shapes."
             )
-        camera_mount = _find_mount(model, mount, source)
         declared = declared_posture(model)
+        _refuse_other_units(model, base, declared, geoms, source)
+        camera_mount = _find_mount(model, base, mount, source)
         wheels = find_wheels(model, base, declared)
         # Arms of a wheeled robot hang lowest of all its limbs, and are no legs.
         legs = () if len(wheels) >= 2 else find_legs(model, base, declared)
@@ -296,7 +302,20 @@ def _refuse_balls(model: mujoco.MjModel, source: str) -> None:
         )
 
 
-def _find_mount(model: mujoco.MjModel, mount: Any, source: str) -> CameraMount:
+def _refuse_other_units(model: mujoco.MjModel, base: int, posture: np.ndarray, geoms: np.ndarray, source: str) -> None:
+    """What is as large as a house was written in millimetres, and nothing else of it need be told."""
+    data = posed(model, posture)
+    height_m = highest_m(model, data, geoms) - lowest_m(model, data, geoms)
+    size_m = max(height_m, reach_m(model, data, geoms, data.xpos[base, :2]))
+    if not size_m <= _LARGEST_M:
+        raise RobotError(
+            f"the robot is {size_m:.0f} m large",
+            where=source,
+            cure='Is it in millimetres? Write metres, or give its meshes scale="0.001 0.001 0.001".',
+        )
+
+
+def _find_mount(model: mujoco.MjModel, base: int, mount: Any, source: str) -> CameraMount:
     names = eyes(model)
     if mount is None:
         mount = names[0] if len(names) == 1 else "head_camera"
@@ -304,8 +323,7 @@ def _find_mount(model: mujoco.MjModel, mount: Any, source: str) -> CameraMount:
             raise RobotError(
                 "the robot's file does not say which camera is its eye",
                 where=source,
-                cure="Give robot.mount of the scope: a camera's name, or "
-                "[parent, [x, y, z], [roll, pitch, yaw], {hfov_deg = 69}].",
+                cure=_about_eyes(names, model.body(base).name),
             )
     if isinstance(mount, str):
         if mount not in names:
@@ -316,3 +334,13 @@ def _find_mount(model: mujoco.MjModel, mount: Any, source: str) -> CameraMount:
         return mount_of(model, model.camera(mount).id, source)
     bodies = [model.body(index).name for index in range(1, model.nbody)]
     return mount_on(bodies, mount, source)
+
+
+def _about_eyes(names: list[str], base: str) -> str:
+    """How to give a robot its eye: by the name of one of its cameras, else by a place on its base."""
+    form, what = json.dumps(names[0] if names else base, ensure_ascii=False), "Name one"
+    if not names:
+        form, what = f"[{form}, [0.05, 0, 0.4], [0, 0.4, 0], {{hfov_deg = 69}}]", "Place one, in metres and radians"
+    option = shlex.quote(f"robot.mount={form}")
+    known = f" It has: {', '.join(names)}." if names else ""
+    return f"{what}, in the same call: `r2sego robot SCENE --robot FILE --set {option}`.{known}"

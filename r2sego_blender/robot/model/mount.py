@@ -87,7 +87,7 @@ def parse_mount(value: Mapping[str, Any] | Sequence[Any], where: object) -> Came
         if unknown:
             raise RobotError(f"the mount has no field '{min(unknown)}'", where=where, cure=_CURE)
     else:
-        parts = list(value)
+        parts = [] if isinstance(value, str) else list(value)
     if len(parts) != 4 or not isinstance(parts[0], str):
         raise RobotError("the mount is not four values", where=where, cure=_CURE)
     parent, xyz, rpy, fov = parts

@@ -27,7 +27,9 @@ from .wheeled_base import wheeled_base_mjcf
 EMBEDDED_HUMANOID = "embedded:humanoid"
 EMBEDDED_WHEELED = "embedded:wheeled"
 
-_EMBEDDED = {EMBEDDED_HUMANOID: humanoid_mjcf, EMBEDDED_WHEELED: wheeled_base_mjcf}
+EMBEDDED = {EMBEDDED_HUMANOID: humanoid_mjcf, EMBEDDED_WHEELED: wheeled_base_mjcf}
+"""The robots that come with the library, by name: what writes their MJCF."""
+
 _MOST_INCLUDES = 50
 _MOST_COPIES, _DEEPEST = 20_000, 150
 _MESH_FILES = {".stl", ".obj", ".msh"}
@@ -78,12 +80,14 @@ def robot_spec(source: str, bounded: bool = False) -> mujoco.MjSpec:
     anything, where the file is missing, unreadable or not to be trusted; and with MuJoCo's
     words where it is no robot.
     """
-    if source in _EMBEDDED:
-        return mujoco.MjSpec.from_string(_EMBEDDED[source]())
+    if source in EMBEDDED:
+        return mujoco.MjSpec.from_string(EMBEDDED[source]())
     path = Path(source)
     if not path.is_file():
         raise RobotError(
-            "there is no such robot file", where=path, cure=f"Give an MJCF, a URDF or one of: {', '.join(_EMBEDDED)}."
+            "this is a folder, no robot file" if path.is_dir() else "there is no such robot file",
+            where=source,
+            cure=f"Give an MJCF, a URDF or one of: {', '.join(EMBEDDED)}.",
         )
     root, files = gather_robot(path)
     try:
@@ -181,7 +185,7 @@ def robot_digest(source: str) -> str:
 
     '' for an embedded robot, and where the file cannot be read.
     """
-    if source in _EMBEDDED:
+    if source in EMBEDDED:
         return ""
     try:
         root, files = gather_robot(Path(source))

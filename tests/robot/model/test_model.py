@@ -8,6 +8,7 @@ import re
 import mujoco
 import numpy as np
 import pytest
+from expected_errors import refused
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from legged_robots import quadruped_mjcf
@@ -113,7 +114,7 @@ def test_real_g1_loads_with_the_mount(humanoid, shared_robot):
     posture = humanoid.rest_qpos[None]
     np.testing.assert_allclose(robot.camera_poses(posture), humanoid.camera_poses(posture), atol=2e-4)
     assert robot.servos()["waist_yaw_joint"].stiffness == pytest.approx(200.0, rel=0.01)
-    with pytest.raises(RobotError, match=r"does not say which camera.*Give robot.mount"):
+    with pytest.raises(RobotError, match=r"does not say which camera.*robot\.mount="):
         RobotModel.load(path)
 
 
@@ -335,6 +336,19 @@ def test_a_ball_joint_is_refused(tmp_path, limits):
     text = humanoid_mjcf().replace('<body name="left_hip_pitch_link"', f'{lamp}<body name="left_hip_pitch_link"')
     with pytest.raises(RobotError, match=r"robot\.xml: 'neck' is a ball joint.* Replace it by three hinges"):
         RobotModel.load(write(tmp_path, text))
+
+
+@pytest.mark.parametrize("unit_m", [0.001, 0.01])
+@pytest.mark.parametrize("camera", ['<camera name="eye"/>', ""])
+def test_a_robot_in_another_unit_is_asked_for_its_unit_before_anything_else(tmp_path, unit_m, camera):
+    body = f'<body><freejoint/><geom type="box" size="{0.4 / unit_m} {0.4 / unit_m} 1"/>{camera}</body>'
+    with refused(RobotError, "robot.xml", "large", cure="millimetres"):
+        RobotModel.load(write(tmp_path, f"<mujoco><worldbody>{body}</worldbody></mujoco>"))
+
+
+def test_a_folder_in_place_of_a_robot_s_file_is_called_one(tmp_path):
+    with refused(RobotError, tmp_path, "folder"):
+        RobotModel.load(tmp_path)
 
 
 def test_missing_file_and_unknown_names():

@@ -6,6 +6,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from expected_errors import refused
 
 from r2sego_blender.core.errors import RobotError
 from r2sego_blender.robot.model.humanoid import humanoid_mjcf
@@ -131,3 +132,6 @@ def test_a_declared_mount_is_put_on_its_body():
     assert found.fx == pytest.approx(declared.camera(320, 200).fx)
     with pytest.raises(RobotError, match=r"no body 'nose'.*It has: head"):
         add_camera(spec, "lost", ["nose", *mount[1:]])
+    for word in ("eye", "eye2"):  # of any length, four letters too
+        with refused(RobotError, "the mount of 'lost'", "is not four values"):
+            add_camera(spec, "lost", word)
