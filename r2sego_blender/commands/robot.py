@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -92,12 +91,17 @@ def try_rollouts(scene: Path, attempts: int, output: Output) -> None:
     """
     from ..editing.trial_rollouts import TRIAL
     from ..editing.trial_rollouts import try_rollouts as run
+    from ..robot.rollouts.rollout import failed_by_reason
 
     opened = Scene.open(scene)
     tried = run(opened, attempts, output.progress)
-    failures = Counter(rollout.reason for rollout in tried if not rollout.success)
-    told: dict[str, Any] = {"attempts": len(tried), "succeeded": len(tried) - failures.total()}
-    output.tell(**told, failures=dict(failures.most_common()), rollouts=str(opened.path / TRIAL))
+    failures = failed_by_reason(tried)
+    counts = {reason: len(failed) for reason, failed in failures.items()}
+    told: dict[str, Any] = {"attempts": len(tried), "succeeded": len(tried) - sum(counts.values()), "failures": counts}
+    if failures:
+        reason, failed = next(iter(failures.items()))
+        told["most_frequent"] = f"{reason}, {failed[0].detail}"
+    output.tell(**told, rollouts=str(opened.path / TRIAL))
 
 
 @click.command()

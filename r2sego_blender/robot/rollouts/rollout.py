@@ -81,6 +81,15 @@ class Rollout:
     warnings: tuple[str, ...] = ()
 
 
+def failed_by_reason(rollouts: Sequence[Rollout]) -> dict[str, list[Rollout]]:
+    """The failed ones by their reason, the most frequent first."""
+    by_reason: dict[str, list[Rollout]] = {}
+    for rollout in rollouts:
+        if not rollout.success:
+            by_reason.setdefault(rollout.reason, []).append(rollout)
+    return dict(sorted(by_reason.items(), key=lambda item: -len(item[1])))
+
+
 def save_rollouts(folder: Path, rollouts: Sequence[Rollout]) -> None:
     """Write ``rollouts.npz`` (the arrays) and ``rollouts.json`` (reasons, for people)."""
     arrays, records = {}, []

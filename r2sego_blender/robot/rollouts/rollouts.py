@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path
@@ -18,7 +17,7 @@ from ..scope.scope import BehaviourScope
 from .assumptions import tell_assumptions
 from .attempts import Attempts, in_order
 from .failures import Reason
-from .rollout import Rollout
+from .rollout import Rollout, failed_by_reason
 
 _CURES = {
     Reason.NO_GOAL: "Give the behaviour scope shorter walk_to.distance_m, or a larger region.",
@@ -79,12 +78,10 @@ def tell_warnings(attempts: Sequence[Rollout], progress: Progress) -> None:
 def _too_few(
     attempts: Sequence[Rollout], successes: int, settings: RolloutSettings, collision_mjcf: Path
 ) -> RobotError:
-    failed = [attempt for attempt in attempts if not attempt.success]
-    ((reason, count),) = Counter(attempt.reason for attempt in failed).most_common(1)
-    example = next(attempt.detail for attempt in failed if attempt.reason == reason)
+    reason, failed = next(iter(failed_by_reason(attempts).items()))
     return RobotError(
         f"only {successes} of {settings.successes} rollouts succeeded in {len(attempts)} attempts; "
-        f"{count} failed by {reason} ({example})",
+        f"{len(failed)} failed by {reason} ({failed[0].detail})",
         where=collision_mjcf,
         cure=_CURES[Reason(reason)],
     )
