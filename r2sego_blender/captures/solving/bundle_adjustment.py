@@ -86,8 +86,8 @@ class AdjustedLenses(NamedTuple):
     """Cameras with their poses adjusted and their lenses as given, points (P, 3), and what corrects the lenses.
 
     ``terms`` and ``sigma`` (G, LENS_TERMS) float64 are each group's correction and its standard
-    deviations, where a keypoint's is a pixel; both are 0 where a term was not free. ``errors_px`` (m,)
-    are the tracks' reprojection errors under it.
+    deviations, where a keypoint's is a pixel; both are 0 where a term was not free, and infinite deviations say
+    that rounding left nothing known of a term. ``errors_px`` (m,) are the tracks' reprojection errors under it.
     """
 
     cameras: tuple[Camera, ...]
@@ -118,7 +118,8 @@ def adjusted_lenses(
         state = _minimised(problem, state, width_px)
     spread = np.zeros(free.shape)
     if free.any():
-        spread[free] = np.sqrt(_System(problem, state, width_px).covariance().diagonal()[6 * len(cameras) :])
+        variance = _System(problem, state, width_px).covariance().diagonal()[6 * len(cameras) :]
+        spread[free] = np.sqrt(np.where(variance >= 0.0, variance, np.inf))
     errors_px = np.linalg.norm(problem.errors_px(problem.local(state)[0], state), axis=1)
     return AdjustedLenses(_at(cameras, state), state.points, state.lenses, spread, errors_px)
 

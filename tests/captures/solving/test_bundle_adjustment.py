@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from r2sego_blender.captures.solving import bundle_adjustment
 from r2sego_blender.captures.solving.bundle_adjustment import LENS_TERMS, adjusted, adjusted_lenses, reprojection_errors
 from r2sego_blender.core.cameras import Camera, look_at
 
@@ -227,3 +228,16 @@ def test_terms_that_are_not_free_stay_and_without_any_it_is_the_adjustment_of_po
     assert not found.terms.any() and not found.sigma.any()
     for a, b in zip(alone, found.cameras, strict=True):
         np.testing.assert_allclose(a.world_from_camera, b.world_from_camera, atol=1e-4)
+
+
+def test_a_variance_that_rounding_left_negative_is_of_a_term_of_which_nothing_is_known(rng, monkeypatch):
+    """As where a wrong lens puts points far behind each other."""
+    cameras = _cameras(3)
+    points, pixels = _tracks(cameras, rng, count=100)
+    variances = np.diag([*np.ones(6 * len(cameras)), 0.04, -1e-3, np.nan])
+    monkeypatch.setattr(bundle_adjustment._System, "covariance", lambda system: variances)
+    free = np.array([[True, False, True, True, False]])
+    group, terms = np.zeros(len(cameras), int), np.zeros((1, LENS_TERMS))
+    with np.errstate(all="raise"):
+        found = adjusted_lenses(cameras, points, pixels, SIGMA_M, SIGMA_RAD, group, free, terms)
+    np.testing.assert_array_equal(found.sigma, [[0.2, 0.0, np.inf, np.inf, 0.0]])
