@@ -34,6 +34,8 @@ _UNITS_M = {"millimetres": 1e-3, "centimetres": 1e-2, "metres": 1.0}
 _TOLD_FOCAL = 0.002
 # How far a lens is corrected: factors of the focal length, shares of the longest side, and of a radius.
 _FOCAL_BOUNDS, _CENTRE_BOUND, _RADIAL_BOUND = (0.7, 1.43), 0.12, 0.5
+# Logarithm of a focal length within which it is that of a known size.
+_SAME_SIZE = 0.05
 
 
 def judged(
@@ -143,32 +145,32 @@ def _usual_depth(cameras: Sequence[Camera], tracks: np.ndarray, factor: float) -
 def _through(verdict: LensVerdict, imported: Imported, progress: Progress) -> Imported | None:
     """The captures through the lenses that were found; None, with a warning, where these are not to be trusted."""
     groups = lens_groups([capture.camera for capture in imported.captures])
-    changes = [
-        _told(next(c for c, g in zip(imported.captures, groups, strict=True) if g == group), terms)
-        for group, terms in enumerate(verdict.terms)
-        if terms.any()
-    ]
+    first = [imported.captures[list(groups).index(group)] for group in range(len(verdict.terms))]
+    is_trusted = verdict.determined and _within_bounds(imported.captures, verdict.terms[groups])
+    own_size = _at_own_size(imported, first, verdict.terms)
+    if own_size is not None and not is_trusted:  # one hypothesis, of which nothing has to be measured
+        verdict, is_trusted = verdict._replace(terms=own_size, determined=True), True
+    changes = [_told(c, terms) for c, terms in zip(first, verdict.terms, strict=True) if terms.any()]
     errors = (
         f"reprojection {verdict.given_px:.2f} -> {verdict.lenses_px:.2f} px ({verdict.poses_px:.2f} by poses alone)"
     )
     told = f"{'; '.join(changes)}, {errors}"
+    sizes = _sizes_told(imported)
+    if own_size is not None:
+        sizes += ", which is the ratio that the photographs ask for"
+    told_sizes = f"; {sizes}" if sizes else ""
     factors = np.exp(verdict.terms[:, 0])
     off = factors[(factors < _FOCAL_BOUNDS[0]) | (factors > _FOCAL_BOUNDS[1])]
     if len(off) and verdict.determined:
         raise CaptureError(
-            f"the given focal length is not that of these photographs: {told}",
-            where="camera intrinsics",
+            f"the given focal length is not that of these photographs: {told}{told_sizes}",
+            where=imported.lens_file or "camera intrinsics",
             cure="Give the focal length that the photographs say; or where it is of another size of the pictures "
-            f"(here {1.0 / off[0]:.2f} times as large), add that size: 'w' and 'h' in transforms.json, 'width' and "
-            "'height' in cameras.json. `--set captures.refine_poses=never` keeps what is given.",
+            f"(here {1.0 / off[0]:.2f} times as large), {_size_cure(imported)}. "
+            "`--set captures.refine_poses=never` keeps what is given.",
         )
-    within = not len(off) and (np.abs(verdict.terms[:, 3:]) <= _RADIAL_BOUND).all()
-    for capture, group in zip(imported.captures, groups, strict=True):
-        camera = capture.camera
-        shift_px = np.abs(verdict.terms[group, 1:3]) * camera.fx
-        within = within and bool((shift_px <= _CENTRE_BOUND * max(camera.width, camera.height)).all())
     captures = None
-    if verdict.determined and within:
+    if is_trusted:
         try:
             captures = tuple(
                 corrected(capture, verdict.terms[group]) if verdict.terms[group].any() else capture
@@ -179,12 +181,62 @@ def _through(verdict: LensVerdict, imported: Imported, progress: Progress) -> Im
     if captures is None:
         progress.message(
             f"the photographs do not agree with the given lens, which is kept: they cannot determine another for "
-            f"certain ({told}). Calibrate the camera, or take more photographs from places a step apart.",
+            f"certain ({told}){told_sizes}. Calibrate the camera, {_size_cure(imported)} where it is of another size, "
+            "or take more photographs from places a step apart.",
             level="warning",
         )
         return None
-    progress.message(f"lens corrected: {told}", level="warning")
+    cure = f". Where that is why, {_size_cure(imported)}" if sizes else ""
+    progress.message(f"lens corrected: {told}{told_sizes}{cure}", level="warning")
     return imported.changed(captures, f"lens corrected: {told}")
+
+
+def _within_bounds(captures: Sequence[Capture], terms: np.ndarray) -> bool:
+    """Whether ``terms`` (N, LENS_TERMS) correct the captures' lenses no further than lenses are wrong."""
+    within = (np.abs(terms[:, 3:]) <= _RADIAL_BOUND).all()
+    for capture, (zoom, right, down, *_) in zip(captures, terms, strict=True):
+        camera = capture.camera
+        shift_px = max(abs(right), abs(down)) * camera.fx
+        within &= _FOCAL_BOUNDS[0] <= np.exp(zoom) <= _FOCAL_BOUNDS[1]
+        within &= shift_px <= _CENTRE_BOUND * max(camera.width, camera.height)
+    return bool(within)
+
+
+def _at_own_size(imported: Imported, captures: Sequence[Capture], terms: np.ndarray) -> np.ndarray | None:
+    """(G, LENS_TERMS): given numbers taken for the photographs' own size, not the stated one, by groups' captures.
+
+    None where that is not what the focal lengths of ``terms`` ask for.
+    """
+    found = np.zeros_like(terms)
+    for own, capture, zoom in zip(found, captures, terms[:, 0], strict=True):
+        camera = capture.camera
+        ratio = max(_stated_size(imported, capture)) / max(_own_size(capture))
+        if abs(np.log(ratio)) < _SAME_SIZE or abs(zoom - np.log(ratio)) > _SAME_SIZE:
+            return None
+        own[:3] = np.log(ratio), (ratio - 1.0) * camera.cx / camera.fx, (ratio - 1.0) * camera.cy / camera.fx
+    return found
+
+
+def _sizes_told(imported: Imported) -> str:
+    """The stated size of the first photograph whose own is another, and that; nothing where all are of the stated."""
+    for capture in imported.captures:
+        stated, own = _stated_size(imported, capture), _own_size(capture)
+        if max(stated) != max(own):
+            return f"the camera of {capture.name} is {'x'.join(map(str, stated))}, the file {'x'.join(map(str, own))}"
+    return ""
+
+
+def _stated_size(imported: Imported, capture: Capture) -> tuple[int, int]:
+    return imported.stated_sizes.get(capture.name) or _own_size(capture)
+
+
+def _own_size(capture: Capture) -> tuple[int, int]:
+    lens = photograph_lens(capture)
+    return lens.width, lens.height
+
+
+def _size_cure(imported: Imported) -> str:
+    return f"correct width and height ('w' and 'h' in transforms.json) in {imported.lens_file or 'the poses'}"
 
 
 def _told(capture: Capture, terms: np.ndarray) -> str:
@@ -232,6 +284,8 @@ def _relocated(
             says += "; it is left out: nor do they tell where it was taken"
             left_out.append(one.photograph)
         progress.message(says, level="warning")
+    if sizes := _sizes_told(imported):
+        progress.message(f"{sizes}: where that is why, {_size_cure(imported)}", level="warning")
     if keeps:
         return imported
     left = [capture for index, capture in enumerate(captures) if index not in left_out]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ from ..core.errors import CaptureError
 from ..core.progress import SILENT, Progress
 from .capture import Capture
 from .keyframes.choosing import photograph_keyframes
-from .poses.photographs import captures_of
+from .poses.photographs import MIN_CAPTURES, captures_of
 from .poses.plain_folder import plain_photographs
 from .poses.pose_format import Posed
 from .poses.registry import find_export, find_poses
@@ -29,12 +29,20 @@ class Choice:
 
     ``names`` are those of photographs, or numbers of a video's frames. ``first``, unless it is 0, takes so many from
     the front of the list: in the poses' own order, else in that of the names. ``keyframes``, unless it is 0, chooses so
-    many of those with poses, of which all are taken else.
+    many of those with poses, of which all are taken else. Raises CaptureError for fewer than three first ones.
     """
 
     names: tuple[str, ...] = ()
     first: int = 0
     keyframes: int = 0
+
+    def __post_init__(self) -> None:
+        if 0 < self.first < MIN_CAPTURES:
+            raise CaptureError(
+                f"the first {self.first} photographs are asked for, at least {MIN_CAPTURES} are needed",
+                where="--first",
+                cure=f"Give {MIN_CAPTURES} or more, or 0 for all.",
+            )
 
 
 @dataclass(frozen=True)
@@ -44,7 +52,7 @@ class Imported:
     ``source`` says in words where the poses come from, ``changes`` what was done to them and the lenses since;
     ``metric`` whether they are known to be in metres, ``solved`` whether they were solved here. ``up`` (3,) is the
     direction up where the device measured gravity, ``depth`` what its depth sensor saw, and ``masks`` how many are
-    named.
+    named. ``stated_sizes`` are the (width, height) by captures' names that ``lens_file`` says the lenses are for.
     """
 
     captures: tuple[Capture, ...]
@@ -55,6 +63,8 @@ class Imported:
     solved: bool = False
     masks: int = 0
     changes: tuple[str, ...] = ()
+    stated_sizes: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    lens_file: Path | None = None
 
     @property
     def described(self) -> str:
@@ -72,7 +82,7 @@ def import_captures(
     """The photographs in ``folder`` as undistorted captures.
 
     ``poses`` are of any kind in ``poses.formats``, a file or a folder (docs/formats.md), or None: then
-    ``folder`` is an export with poses of its own, or they are solved from the photographs alone, of which
+    ``folder`` has poses of its own (``find_export``), or they are solved from the photographs alone, of which
     ``settings.max_keyframes`` are chosen where there are more. Photographs are not copied: a capture undistorts and
     scales its file when it is read. Raises CaptureError naming the file, the field and the cure.
     """
@@ -95,7 +105,17 @@ def import_captures(
     if not posed.photographs:
         raise CaptureError("no photograph is listed", where=poses, cure="Check the export of the poses.")
     captures = captures_of(posed.photographs, settings.max_side_px)
-    return Imported(captures, posed.source, posed.metric, posed.up, posed.depth, found is None, posed.masks)
+    return Imported(
+        captures,
+        posed.source,
+        posed.metric,
+        posed.up,
+        posed.depth,
+        found is None,
+        posed.masks,
+        stated_sizes={one.name: (one.lens.width, one.lens.height) for one in posed.photographs},
+        lens_file=posed.lens_file or poses,
+    )
 
 
 def _chosen(posed: Posed, choice: Choice, progress: Progress) -> Posed:

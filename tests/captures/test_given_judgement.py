@@ -8,12 +8,15 @@ import cv2
 import numpy as np
 import pytest
 from cameras_file import save_cameras_json
+from expected_errors import refused
 from scipy.spatial.transform import Rotation
 
+from r2sego_blender.captures import given_judgement
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.frozen import load_frozen_views
 from r2sego_blender.captures.importing import Imported
 from r2sego_blender.captures.pose_adjustment import triangulate_refined
+from r2sego_blender.captures.solving.lens_judgement import LensVerdict
 from r2sego_blender.captures.store import load_captures, save_captures
 from r2sego_blender.config.settings import CaptureSettings
 from r2sego_blender.core.cameras import rotation_angle_rad
@@ -21,6 +24,7 @@ from r2sego_blender.core.errors import CaptureError
 from r2sego_blender.core.images import save_image
 
 SETTINGS = CaptureSettings(max_features=1500)
+SMALL = CaptureSettings(max_features=500, matcher="sift")
 
 
 def _imported(captures) -> Imported:
@@ -120,6 +124,42 @@ def test_a_focal_length_of_another_size_is_refused_with_what_fits(room_captures)
     with pytest.raises(CaptureError, match=r"1200 -> (29\d|30\d) px") as refusal:
         triangulate_refined(_imported(_lens(room_captures, fx=4.0, fy=4.0)), SETTINGS)
     assert refusal.value.where == "camera intrinsics"
+
+
+def _of_stated_size(captures, width, monkeypatch, tmp_path, determined=False):
+    """Intrinsics of the photographs' own size that a file says to be of another, as their tracks nearly tell."""
+    share = 400 / width
+    given = _imported(_lens(captures, fx=share, fy=share, cx=share, cy=share))
+    terms = np.array([[0.01 - np.log(share), 0.5, 0.4, 0.01, 0.0]])
+    verdict = LensVerdict(terms, determined, 4.0, 1.0, 0.1)
+    monkeypatch.setattr(given_judgement, "judged_lenses", lambda *tracks: verdict)
+    sizes = {capture.name: (width, width * 3 // 4) for capture in captures}
+    return replace(given, stated_sizes=sizes, lens_file=tmp_path / "cameras.txt")
+
+
+def test_a_focal_length_of_a_stated_size_that_is_wrong_is_refused_with_both(room_captures, monkeypatch, tmp_path):
+    given = _of_stated_size(room_captures, 800, monkeypatch, tmp_path)
+    with refused(CaptureError, "cameras.txt", "800x600", "400x300", cure=str(tmp_path / "cameras.txt")):
+        triangulate_refined(given, SMALL)
+
+
+def test_a_lens_that_a_stated_size_explains_need_not_be_determined(room_captures, tmp_path, messages, monkeypatch):
+    """At a small working size nothing else tells; the principal point moves further than that of a lens does."""
+    given = _of_stated_size(room_captures, 560, monkeypatch, tmp_path)
+    imported, _ = triangulate_refined(given, SMALL, messages)
+    for found, right in zip(imported.captures, room_captures, strict=True):
+        np.testing.assert_allclose(found.camera.matrix, right.camera.matrix, rtol=1e-9)
+    assert all(part in messages.warnings[0] for part in ("560x420", "400x300", str(tmp_path / "cameras.txt")))
+
+
+def test_a_stated_size_that_explains_nothing_is_told_and_changes_nothing(
+    room_captures, tmp_path, messages, monkeypatch
+):
+    given = _of_stated_size(room_captures, 440, monkeypatch, tmp_path)
+    given = replace(given, stated_sizes={capture.name: (200, 150) for capture in room_captures})
+    kept, _ = triangulate_refined(given, SMALL, messages)
+    assert all(capture.given_lens is None for capture in kept.captures)
+    assert all(part in messages.warnings[0] for part in ("200x150", "400x300", str(tmp_path / "cameras.txt")))
 
 
 @pytest.mark.parametrize(

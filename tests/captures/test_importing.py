@@ -72,6 +72,21 @@ def test_the_first_photographs_are_those_that_the_poses_list_first(tmp_path, rng
             assert np.abs(capture.camera.world_from_camera - poses[index]).max() < 1e-9
 
 
+@pytest.mark.parametrize("first", [1, 2])
+def test_fewer_than_three_first_photographs_are_refused_at_once(first):
+    with refused(CaptureError, "--first", str(first), "3"):
+        Choice(first=first)
+
+
+def test_of_photographs_with_poses_that_are_no_images_all_are_counted(tmp_path, rng, blank_photograph):
+    _photographs(tmp_path, blank_photograph)
+    path = _transforms(tmp_path, _poses(rng, 4), {"fl_x": 50.0, "w": 64, "h": 48})
+    for name in ("p1.png", "p3.png"):
+        (tmp_path / "images" / name).write_bytes(b"")
+    with refused(CaptureError, tmp_path / "images" / "p1.png", "1 more of the 4", "p3.png"):
+        import_captures(tmp_path, path, SETTINGS)
+
+
 def test_of_many_photographs_with_poses_those_are_taken_that_are_asked_for(tmp_path, rng, room, messages):
     cameras = [
         Camera(160, 120, 130.0, 130.0, 80.0, 60.0, look_at((0.2 * i - 1.0, -2.3, 1.5), (0.1, 0.6, 0.6)))
@@ -155,6 +170,7 @@ def test_colmap_models(tmp_path, rng, blank_photograph, binary):
     imported = import_captures(tmp_path / "images", tmp_path, SETTINGS)
     file = tmp_path / "sparse" / "0" / f"cameras.{'bin' if binary else 'txt'}"  # as a file browser gives it
     assert import_captures(tmp_path / "images", file, SETTINGS).source == imported.source
+    assert imported.lens_file == file and imported.stated_sizes["p0.png"] == (64, 48)
     for capture, pose in zip(imported.captures, poses, strict=True):
         assert np.abs(capture.camera.world_from_camera - pose).max() < 1e-9
         assert (capture.camera.fx, capture.camera.fy) == (50.0, 56.0)

@@ -32,6 +32,7 @@ _ASPECT_TOLERANCE = 0.01
 # and 127 degrees, wider than any that keeps lines nearly straight.
 _LONGEST_FOCAL, _SHORTEST_FOCAL = 2.0, 0.25
 _NEARLY_PINHOLES = ("opencv", "brown")
+_LISTED = 4
 _REPLACE = "Replace the file, or take it out of the folder and the pose file."
 # One clockwise quarter turn of the image, seen as a turn of the camera about its axis.
 _TURNED_FROM_CAMERA = np.array(
@@ -92,6 +93,26 @@ def photograph_size(path: Path) -> tuple[int, int, int]:
         return width, height, turns
 
 
+def require_readable(paths: Sequence[Path]) -> None:
+    """Raises CaptureError for the first of these that is missing or no image, and says how many are."""
+    failed: dict[Path, CaptureError] = {}
+    for path in paths:
+        try:
+            photograph_size(path)
+        except CaptureError as error:
+            failed[path] = error
+    if failed:
+        first, *others = failed.values()
+        more = f"; nor can {len(others)} more of the {len(paths)}: {listed([*failed][1:])}" if others else ""
+        raise CaptureError(f"{first.what}{more}", where=first.where, cure=first.cure) from first
+
+
+def listed(paths: Sequence[Path]) -> str:
+    """The names of files, of many the first and how many more."""
+    more = f" and {len(paths) - _LISTED} more" if len(paths) > _LISTED else ""
+    return ", ".join(path.name for path in paths[:_LISTED]) + more
+
+
 def is_depth_map(path: Path) -> bool:
     """Whether an image file has one channel of more than 8 bits, as depth is stored beside photographs.
 
@@ -149,6 +170,7 @@ def captures_of(photographs: Sequence[Photograph], max_side_px: int) -> tuple[Ca
                     where=photographs[0].source,
                     cure="Keep one entry for each photograph.",
                 )
+    require_readable([photograph.path for photograph in photographs])
     return posed_captures(photographs, max_side_px)
 
 

@@ -24,7 +24,8 @@ class Posed:
 
     ``source`` says in words where the poses come from, ``metric`` whether they are known to be in metres;
     ``up`` (3,) is the direction up where the device measured gravity, ``depth`` what its depth sensor
-    saw; ``masks`` counts the masks that are named, there or not.
+    saw; ``masks`` counts the masks that are named, there or not. ``lens_file`` states the lenses, where it is
+    not the poses themselves.
     """
 
     photographs: Sequence[Photograph]
@@ -33,6 +34,7 @@ class Posed:
     up: np.ndarray | None = None
     depth: SensorDepth | None = None
     masks: int = 0
+    lens_file: Path | None = None
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ....config.settings import CaptureSettings
 from ....core.progress import Progress
-from ..colmap_files import COLMAP_FILES, find_models
+from ..colmap_files import COLMAP_FILES, find_models, model_suffix
 from ..pose_format import Posed, PoseFormat
 
 if TYPE_CHECKING:
@@ -25,7 +25,8 @@ def read(model: Path, folder: Path, settings: CaptureSettings, progress: Progres
     """See ``colmap_model``; the unit is unknown."""
     from ..colmap_model import read_colmap_model
 
-    return Posed(read_colmap_model(model, folder, progress), FORMAT.name)
+    photographs = read_colmap_model(model, folder, progress)
+    return Posed(photographs, FORMAT.name, lens_file=model / f"cameras{model_suffix(model)}")
 
 
 def points(model: Path, progress: Progress) -> tuple[np.ndarray, np.ndarray] | None:
