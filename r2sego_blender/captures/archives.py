@@ -24,6 +24,7 @@ _MOST_DIRECTORY_BYTES = 32 << 20
 _LONGEST_COMMENT = 1 << 16
 _PIECE_BYTES = 4 << 20
 _UNSPECIFIED = 0xFFFFFFFF
+_UNPACK = "Unpack the archive where a file in it has to be named or changed."
 _CURE = "Save or share it again, or unpack it and give the folder."
 
 
@@ -57,7 +58,10 @@ def unpack(archive: Path, folder: Path, progress: Progress) -> Path:
 
 @contextlib.contextmanager
 def errors_of(archive: Path, folder: Path) -> Iterator[None]:
-    """Errors of what was unpacked into ``folder`` name the archive in its place: nobody knows that folder."""
+    """Errors of what was unpacked into ``folder`` name the archive in its place: nobody knows that folder.
+
+    What they ask to do in there takes unpacking it.
+    """
 
     def named(text: str) -> str:
         return text.replace(str(folder), str(archive))
@@ -66,7 +70,10 @@ def errors_of(archive: Path, folder: Path) -> Iterator[None]:
         yield
     except R2SEgoError as error:
         where = None if error.where is None else named(error.where)
-        raise type(error)(named(error.what), where=where, cure=named(error.cure)) from error
+        cure = named(error.cure)
+        if (where, cure) != (error.where, error.cure):
+            cure = f"{cure} {_UNPACK}"
+        raise type(error)(named(error.what), where=where, cure=cure) from error
 
 
 def _unpack(archive: Path, opened: zipfile.ZipFile, folder: Path, progress: Progress) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import struct
@@ -71,7 +72,28 @@ def test_what_is_wrong_in_it_is_told_of_it(tmp_path, room, room_cameras):
     with pytest.raises(CaptureError) as told:
         create_scene(tmp_path / "scan.r2s", tmp_path / "scan.zip")
     assert f"{tmp_path / 'scan.zip'}/today/frame_00002.json" in str(told.value)
-    assert "r2sego-" not in str(told.value)
+    assert "r2sego-" not in str(told.value) and "Unpack" in told.value.cure
+
+
+def test_photographs_below_their_poses_become_a_bundle(tmp_path, room_captures):
+    """As nerfstudio lays them out."""
+    scan = tmp_path / "share/room"
+    (scan / "images").mkdir(parents=True)
+    for capture in room_captures:
+        shutil.copy(capture.image_path, scan / "images")
+    gl = np.diag([1.0, -1.0, -1.0, 1.0])
+    frames = [
+        {"file_path": f"images/{c.name}", "transform_matrix": (c.camera.world_from_camera @ gl).tolist()}
+        for c in room_captures
+    ]
+    (scan / "transforms.json").write_text(json.dumps({"fl_x": 300.0, "metric": True, "frames": frames}))
+    shutil.make_archive(str(tmp_path / "scan"), "zip", scan.parent)
+    settings = CaptureSettings(max_side_px=160, matcher="sift")
+    scene = create_scene(tmp_path / "scan.r2s", tmp_path / "scan.zip", settings=settings)
+    found = [capture.camera.centre for capture in scene.read(CAPTURES)]
+    true = [capture.camera.centre for capture in room_captures]
+    apart = [np.linalg.norm(np.subtract(places[0], places[-1])) for places in (found, true)]
+    assert len(found) == len(room_captures) and apart[0] == pytest.approx(apart[1], abs=0.02)
 
 
 def test_of_one_video_it_is_the_video(tmp_path):

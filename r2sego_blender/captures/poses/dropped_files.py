@@ -7,10 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...core.errors import CaptureError
-from .registry import find_recording, is_part, is_pose_file, poses_beside
-
-PHOTOGRAPHS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".avif", ".heic", ".heif")
-"""Suffixes of photographs, in small letters."""
+from .registry import PHOTOGRAPHS, find_recording, has_photographs, is_part, is_pose_file, poses_beside
 
 VIDEOS = (".mov", ".mp4", ".m4v", ".avi", ".mkv", ".webm", ".3gp")
 """Suffixes of videos, in small letters."""
@@ -53,7 +50,7 @@ def capture_files(dropped: Sequence[Path], suffix: str) -> CaptureFiles:
     for path in (Path(one) for one in dropped):
         if path.is_dir():
             poses = poses or next(iter(poses_beside(path)), None)
-            folder = path if _has_photographs(path) else _photographs_near(path)
+            folder = path if has_photographs(path) else _photographs_near(path)
             folders += [folder] if folder is not None else []
         elif path.suffix.lower() in PHOTOGRAPHS:
             folders.append(path.parent)
@@ -91,10 +88,6 @@ def _recording_of(path: Path) -> Path | None:
 def _photographs_near(folder: Path) -> Path | None:
     for near in _NEAR:
         place = (folder / near).resolve()
-        if _has_photographs(place):
+        if has_photographs(place):
             return place
     return None
-
-
-def _has_photographs(folder: Path) -> bool:
-    return folder.is_dir() and any(file.suffix.lower() in PHOTOGRAPHS for file in folder.iterdir())

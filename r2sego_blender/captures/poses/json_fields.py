@@ -14,7 +14,7 @@ from ...core.errors import CaptureError, may_not_be_read
 
 
 def read_json(path: Path, cure: str = "Export the poses again.") -> dict[str, Any]:
-    """The JSON object in a file. Raises CaptureError when there is none; for one of another kind with ``cure``."""
+    """The JSON object in a file. Raises CaptureError when there is none; for JSON of another kind with ``cure``."""
     try:
         data = json_files.read_json(path)
     except FileNotFoundError as error:
@@ -26,7 +26,9 @@ def read_json(path: Path, cure: str = "Export the poses again.") -> dict[str, An
             f"the pose file cannot be read: {error.strerror}", where=path, cure="Check the path."
         ) from error
     except ValueError as error:
-        raise CaptureError(f"this is not JSON ({error})", where=path, cure=cure) from error
+        raise CaptureError(
+            f"this is not JSON ({error})", where=path, cure="Correct it there, or export or copy the file again."
+        ) from error
     if not isinstance(data, dict):
         raise CaptureError("the file holds no JSON object", where=path, cure=cure)
     return data

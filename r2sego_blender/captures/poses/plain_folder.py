@@ -11,14 +11,13 @@ from ...core.errors import CaptureError
 from ...core.images import image_files
 from ...core.progress import Progress
 from .dropped_files import VIDEOS
-from .photographs import MIN_CAPTURES, is_depth_map, photograph_size, require_name, too_few
-from .registry import FORMATS
+from .photographs import MIN_CAPTURES, is_depth_map, listed, require_name, require_readable, too_few
+from .registry import poses_near
 
 _RAW = frozenset({".dng", ".raw", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".rw2", ".orf", ".pef", ".srw"})
 UNREAD_PICTURES = _RAW | {".jxl", ".gif", ".jp2", ".psd", ".exr", ".hdr"}
 """Suffixes of pictures that are no photographs here, in small letters."""
 
-_LISTED = 4
 _NAME = attrgetter("name")  # paths themselves are sorted otherwise on Windows
 
 
@@ -26,27 +25,26 @@ def plain_photographs(folder: Path, progress: Progress) -> list[Path]:
     """The photographs straight inside ``folder``, each once, sorted by name.
 
     Pictures of a kind that is not read, depth maps and copies of a photograph, and poses that lie
-    beside it are told. Raises CaptureError for a file that is no image, and when fewer than three
-    photographs are left: it says where others may be.
+    beside them or in the folder above are told. Raises CaptureError for files that are no images, and when
+    fewer than three photographs are left: it says where others may be.
     """
     files = image_files(folder)
     for path in files:
         require_name(path.name, folder)
-        photograph_size(path)  # an empty file is told now, not after those before it were worked on
+    require_readable(files)  # an empty file is told now, not after those before it were worked on
     files, maps = _without_depth_maps(files)
     found, copies = _distinct(files)
     passed = _passed_over(folder, found)
     if len(found) < MIN_CAPTURES:
         raise _too_few(folder, len(found), copies, passed)
     if maps:
-        progress.message(f"{_listed(maps)}: passed over, for they are depth maps (one channel of 16 bits or more)")
+        progress.message(f"{listed(maps)}: passed over, for they are depth maps (one channel of 16 bits or more)")
     if copies:
-        progress.message(f"{_listed(copies)}: the same photograph again, left out", level="warning")
+        progress.message(f"{listed(copies)}: the same photograph again, left out", level="warning")
     if passed:
-        progress.message(f"{_listed(passed)}: passed over. {_cure(passed)}", level="warning")
-    for name in (name for record in FORMATS for name in record.files):
-        if (folder / name).is_file():
-            progress.message(f"{folder / name} is not read: give it as the poses to take those")
+        progress.message(f"{listed(passed)}: passed over. {_cure(passed)}", level="warning")
+    for poses in poses_near(folder):
+        progress.message(f"{poses} is not read: `--poses {poses}` takes these in place of solving", level="warning")
     return found
 
 
@@ -86,13 +84,15 @@ def _passed_over(folder: Path, found: Sequence[Path]) -> list[Path]:
 def _too_few(folder: Path, count: int, copies: list[Path], passed: list[Path]) -> CaptureError:
     error = too_few(count, folder)
     if passed:
-        return CaptureError(f"{error.what}; {_listed(passed)} cannot be read", where=folder, cure=_cure(passed))
+        return CaptureError(f"{error.what}; {listed(passed)} cannot be read", where=folder, cure=_cure(passed))
     rooms = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
     rooms = [path for path in rooms if _looks_like_photographs(image_files(path))]
     if rooms:
-        return CaptureError(f"{error.what}; there are some in {_listed(rooms)}", where=folder, cure="Give that folder.")
+        poses = next(iter(poses_near(folder)), None)
+        cure = "Give that folder." if poses is None else f"Give that folder, and `--poses {poses}` with it."
+        return CaptureError(f"{error.what}; there are some in {listed(rooms)}", where=folder, cure=cure)
     if copies:
-        return CaptureError(f"{error.what}; {_listed(copies)} are the same again", where=folder, cure=error.cure)
+        return CaptureError(f"{error.what}; {listed(copies)} are the same again", where=folder, cure=error.cure)
     return error
 
 
@@ -112,8 +112,3 @@ def _cure(passed: Sequence[Path]) -> str:
     if suffixes & set(VIDEOS):
         cures.append("Give a video itself in place of the folder, and its frames are taken.")
     return " ".join(cures)
-
-
-def _listed(paths: Sequence[Path]) -> str:
-    more = f" and {len(paths) - _LISTED} more" if len(paths) > _LISTED else ""
-    return ", ".join(path.name for path in paths[:_LISTED]) + more

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import pkgutil
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,6 +13,9 @@ from ...core.errors import CaptureError
 from . import formats
 from .json_fields import read_json
 from .pose_format import PoseFormat
+
+PHOTOGRAPHS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".avif", ".heic", ".heif")
+"""Suffixes of photographs, in small letters."""
 
 
 def _records() -> tuple[PoseFormat, ...]:
@@ -46,9 +51,16 @@ def find_poses(place: Path) -> tuple[PoseFormat, Path]:
 
 
 def find_export(folder: Path) -> tuple[PoseFormat, Path] | None:
-    """The poses in a folder whose own photographs they are of, and their kind."""
-    found = ((record, record.find(folder)) for record in FORMATS if record.photographs_too)
-    return next(((record, places[0]) for record, places in found if places), None)
+    """The poses in a folder whose own photographs they are of, and their kind.
+
+    Those of an export; or of any kind where no photograph lies straight in the folder, for they name those below.
+    Raises CaptureError where there are several to choose from.
+    """
+    exports = [record for record in FORMATS if record.photographs_too]
+    for record in exports if has_photographs(folder) else (*exports, *_files_first()):
+        if found := record.find(folder):
+            return record, only_one(found, folder)
+    return None
 
 
 def find_recording(place: Path, poses: Path | None = None) -> tuple[Path, Path] | None:
@@ -70,8 +82,31 @@ def find_recording(place: Path, poses: Path | None = None) -> tuple[Path, Path] 
 
 def poses_beside(folder: Path) -> Sequence[Path]:
     """The poses that lie in a folder of photographs, those of a file before others; () where none do."""
-    ordered = sorted(FORMATS, key=lambda record: not record.files)
-    return next((found for record in ordered if (found := record.find(folder))), ())
+    return next((found for record in _files_first() if (found := record.find(folder))), ())
+
+
+def poses_near(folder: Path) -> Sequence[Path]:
+    """The poses of every kind in a folder of photographs, else in the one that it lies in; () where none lie.
+
+    In the system's folder of temporary files lies what is anybody's: frames of a video are taken there.
+    """
+    above = folder.resolve().parent
+    for place in (folder,) if above == Path(tempfile.gettempdir()).resolve() else (folder, above):
+        with contextlib.suppress(PermissionError):  # above lies what is others'
+            if found := [poses for record in _files_first() for poses in record.find(place)]:
+                return found
+    return ()
+
+
+def has_photographs(folder: Path) -> bool:
+    """Whether photographs lie straight in a folder, by their names."""
+    return folder.is_dir() and any(
+        file.suffix.lower() in PHOTOGRAPHS and not file.name.startswith(".") for file in folder.iterdir()
+    )
+
+
+def _files_first() -> Sequence[PoseFormat]:
+    return sorted(FORMATS, key=lambda record: not record.files)
 
 
 def only_one(found: Sequence[Path], folder: Path) -> Path:

@@ -10,6 +10,7 @@ from expected_errors import refused
 from PIL import Image
 
 from r2sego_blender.captures.poses.plain_folder import plain_photographs
+from r2sego_blender.captures.poses.registry import find_poses
 from r2sego_blender.core.errors import CaptureError
 from r2sego_blender.core.progress import SILENT
 
@@ -119,10 +120,51 @@ def test_photographs_in_folders_below_are_pointed_to(tmp_path, blank_photograph)
         plain_photographs(tmp_path, SILENT)
 
 
-def test_poses_beside_the_photographs_are_told(folder, messages):
-    (folder / "transforms.json").write_text("{}")
-    plain_photographs(folder, messages)
-    assert [level for level, text in messages.messages if "transforms.json" in text] == ["info"]
+POSES = {
+    "transforms.json": {"transforms.json": '{"frames": []}'},
+    "cameras.json": {"cameras.json": '[{"rotation": []}]'},  # of 3DGS
+    "sparse/0": {"sparse/0/cameras.bin": "", "sparse/0/images.bin": ""},
+}
+
+
+def _poses(place, name):
+    for file, content in POSES[name].items():
+        (place / file).parent.mkdir(parents=True, exist_ok=True)
+        (place / file).write_text(content)
+    return place / name
+
+
+@pytest.mark.parametrize("above", [False, True])
+@pytest.mark.parametrize("name", POSES)
+def test_poses_that_are_not_used_are_told_by_what_takes_them(folder, messages, name, above, monkeypatch):
+    """But not those in the system's folder of temporary files, in which a video's frames lie."""
+    photographs = folder
+    if above:
+        (photographs := folder / "images").mkdir()
+        for file in sorted(folder.glob("*.png")):
+            file.rename(photographs / file.name)
+    poses = _poses(folder, name)
+    plain_photographs(photographs, messages)
+    assert len(messages.warnings) == 1 and f"`--poses {poses}`" in messages.warnings[0]
+    assert find_poses(poses)[1] == poses
+    monkeypatch.setattr("tempfile.tempdir", str(folder))
+    plain_photographs(photographs, messages)
+    assert len(messages.warnings) == (1 if above else 2)
+
+
+def test_photographs_in_a_folder_below_are_pointed_to_with_their_poses(tmp_path, blank_photograph):
+    for name in ("cover.png", *(f"images/{index}.png" for index in range(3))):
+        blank_photograph(tmp_path / name)
+    poses = _poses(tmp_path, "transforms.json")
+    with refused(CaptureError, tmp_path, "1 photograph", "some in images", cure=f"`--poses {poses}`"):
+        plain_photographs(tmp_path, SILENT)
+
+
+def test_of_files_that_are_no_images_all_are_counted(folder):
+    for name in ("IMG_1.png", "IMG_3.png", "IMG_4.JPG"):
+        (folder / name).write_bytes(b"")
+    with refused(CaptureError, folder / "IMG_1.png", "2 more of the 5", "IMG_3.png, IMG_4.JPG"):
+        plain_photographs(folder, SILENT)
 
 
 def test_a_file_that_is_no_image_is_told_before_any_work(folder):

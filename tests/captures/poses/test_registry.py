@@ -9,7 +9,7 @@ from expected_errors import refused
 from r2sego_blender.captures.importing import import_captures
 from r2sego_blender.captures.poses import formats, registry
 from r2sego_blender.captures.poses.dropped_files import capture_files
-from r2sego_blender.captures.poses.registry import FORMATS, find_poses, poses_beside
+from r2sego_blender.captures.poses.registry import FORMATS, find_export, find_poses, poses_beside
 from r2sego_blender.config.settings import CaptureSettings
 from r2sego_blender.core.errors import CaptureError
 from r2sego_blender.refine.splat_start import holds_poses
@@ -99,6 +99,29 @@ def test_poses_of_another_program_are_told_what_is_accepted(tmp_path, name):
     with refused(CaptureError, tmp_path / name, cure=FORMATS[0].name) as caught:
         find_poses(tmp_path / name)
     assert all(record.name in caught.value.cure for record in FORMATS)
+
+
+@pytest.mark.parametrize("content", ["", '{"captures": [', '{"captures": [], "fx": NaN}'])
+def test_a_damaged_file_is_not_told_to_be_of_another_kind(tmp_path, content):
+    (tmp_path / "cameras.json").write_text(content)
+    with refused(CaptureError, tmp_path / "cameras.json", "not JSON", cure="export") as caught:
+        find_poses(tmp_path / "cameras.json")
+    assert FORMATS[0].name not in caught.value.cure
+
+
+def test_a_folder_of_poses_whose_photographs_lie_below_is_taken_with_them(tmp_path, blank_photograph):
+    """nerfstudio's and COLMAP's layout; with photographs of its own they would have to be named."""
+    written(tmp_path, "cameras.json:captures", *MODEL)
+    blank_photograph(tmp_path / "images" / "0.png")
+    assert find_export(tmp_path)[1] == tmp_path / "cameras.json"
+    (tmp_path / "cameras.json").unlink()
+    assert find_export(tmp_path)[1] == tmp_path / "sparse" / "0"
+    blank_photograph(tmp_path / "cover.png")
+    assert find_export(tmp_path) is None
+    (tmp_path / "cover.png").unlink()
+    written(tmp_path, *(file.replace("/0/", "/1/") for file in MODEL))
+    with refused(CaptureError, tmp_path, "2 models"):
+        find_export(tmp_path)
 
 
 def test_a_folder_without_poses_names_every_kind(tmp_path):
