@@ -43,13 +43,15 @@ from .options import ANY_PATH, Output, names_of, output_options, overrides_of, s
     type=click.IntRange(min=0),
     default=0,
     metavar="K",
-    help="Of the photographs the first K: in the order in which their poses list them, else by name.",
+    help="Of the photographs the first K, three at least: in the order in which their poses list them, else by name. "
+    "0, the default, takes all.",
 )
 @click.option(
     "--poses",
     type=ANY_PATH,
     help="transforms.json, cameras.json (3DGS's too), a COLMAP folder, or what an app of phones wrote "
-    "(docs/formats.md); else those of the captures' folder, or they are solved.",
+    "(docs/formats.md). Without it those of a phone's scan are taken, or of a folder whose photographs lie in folders "
+    "below; else they are solved, and poses that lie beside the photographs are named.",
 )
 @click.option(
     "--robot",
@@ -122,13 +124,14 @@ def refine(scene: Path, preset: str | None, overrides: tuple[str, ...], rounds: 
     """Run Algorithm 1 on SCENE; started again, it goes on where it stopped.
 
     Writes asset.ply, collision/ and report/index.html in SCENE. Preset and settings that are given stay
-    declared for the next time.
+    declared for the next time, but for those of captures: these count for `r2sego new`.
     """
     opened = Scene.open(scene)
     changes = overrides_of(overrides) | ({} if rounds is None else {"rounds": rounds})
     if made_with := [key for key in changes if key.startswith("captures.")]:
         said = f"{', '.join(made_with)}: counts for `r2sego new`; the captures stay"
         output.progress.message(said, "warning")
+        with_overrides({key: changes.pop(key) for key in made_with})  # refused, not declared: others made the captures
     refine_and_tell(opened, preset, changes, output)
 
 

@@ -69,6 +69,12 @@ def test_new_wants_three_photographs(photographs, tmp_path, count):
     assert not (tmp_path / "a.r2s").exists()
 
 
+@pytest.mark.parametrize("poses", [[], ["--poses", ROOM / "cameras.json"]])
+def test_new_refuses_fewer_than_three_first_photographs_at_once(tmp_path, poses):
+    line = refused(r2sego("new", tmp_path / "a.r2s", "--captures", ROOM / "captures", "--first", 2, *poses))
+    assert line.startswith("r2sego: --first: ")
+
+
 def test_new_names_the_folder_that_is_missing(tmp_path):
     line = refused(r2sego("new", tmp_path / "a.r2s", "--captures", tmp_path / "nowhere"))
     assert "nowhere" in line
@@ -163,8 +169,10 @@ def test_refine_refuses_unknown_settings_and_leaves_the_bundle(tmp_path, argumen
 
 @pytest.mark.parametrize(("key", "warned"), [("captures.max_side_px", True), ("stereo.max_side_px", False)])
 def test_refine_says_which_settings_came_too_late(tmp_path, key, warned):
-    done = r2sego("refine", bundle(tmp_path).path, "--set", f"{key}=320")
+    scene = bundle(tmp_path)
+    done = r2sego("refine", scene.path, "--set", f"{key}=320")
     assert (f"{key}: counts for `r2sego new`; the captures stay" in done.stderr) == warned
+    assert (key in Scene.open(scene.path).declaration.overrides) != warned
 
 
 def test_every_command_refuses_a_bundle_of_another_version(tmp_path):
@@ -254,6 +262,7 @@ def test_the_help_tells_settings_and_scopes_as_they_are():
     assert f"{rounds} in 'paper', {preview} in 'preview'" in told_by_help("refine")
     for command in ("new", "robot"):
         assert f"{', '.join(reversed(shipped_scopes()))} or a TOML file" in told_by_help(command)
+    assert "0, the default, takes all" in told_by_help("new")
     assert f"{ASSUMED_CAMERA_HEIGHT_M} m above the floor" in told_by_help("new")
 
 
