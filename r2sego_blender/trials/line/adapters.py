@@ -99,19 +99,26 @@ class GaugeDecoder:
         self._hello = Hello(1, "mark10", "unknown", 0, 50.0, (Channel(channel, -_GAUGE_RANGE, _GAUGE_RANGE),))
         self._rest = b""
         self._sequence = 0
+        self._begun = False
         self._greeted_ns: int | None = None
 
     def feed(self, data: bytes, received_ns: int) -> list[Message]:
-        """As ``Decodes.feed``: a hello before the first sample and then once a second."""
+        """As ``Decodes.feed``: a hello before the first sample and then once a second.
+
+        A first line that is no reading is the rest of one, and passed over.
+        """
         *lines, rest = (self._rest + data).split(b"\n")
         self._rest = rest[: LONGEST_LINE + 1]
         found: list[Message] = []
         for line in lines:
+            match = _READING.fullmatch(line)
+            begun, self._begun = self._begun, True
+            if match is None and not begun:  # the port was opened in the middle of it
+                continue
             if self._greeted_ns is None or received_ns - self._greeted_ns >= _HELLO_NS:
                 self._greeted_ns = received_ns
                 found.append(self._hello)
             self._sequence = (self._sequence + 1) % SEQUENCES
-            match = _READING.fullmatch(line)
             counts = round(float(match[1].replace(b" ", b"")) * _NEWTONS[match[2]] * 1000) if match else None
             if counts is None or abs(counts) > _GAUGE_RANGE:
                 found.append(Damaged(received_ns))

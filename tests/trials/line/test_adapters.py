@@ -12,7 +12,7 @@ from r2sego_blender.trials.stream import Hello
 
 
 def counts(line):
-    hello, reading = Mark10().decoder().feed(line, 7)
+    hello, _, reading = Mark10().decoder().feed(b"0 N\n" + line, 7)
     assert isinstance(hello, Hello)
     return reading.raw[0] if isinstance(reading, Sample) else None
 
@@ -59,6 +59,13 @@ def test_readings_make_a_stream_in_which_a_damaged_one_is_missing():
     assert [channel.name for channel in stream.channels] == ["seat"]
     assert (stream.raw[:, 0].tolist(), stream.device_us.tolist()) == ([1000, 2000, 3000], [0, 10_000, 30_000])
     assert (stream.sequence - stream.sequence[0]).tolist() == [0, 1, 3] and len(stream.damaged_ns) == 1
+
+
+@pytest.mark.parametrize("torn", [b".5 N\n", b" N\r\n", b"\n"])
+def test_the_rest_of_a_reading_is_no_damaged_line(torn):
+    decoder = Mark10().decoder()
+    assert decoder.feed(torn, 7) == []
+    assert [type(one) for one in decoder.feed(b"1 N\n" + torn, 8)] == [Hello, Sample, Damaged]
 
 
 def test_a_gauge_greets_once_a_second():
