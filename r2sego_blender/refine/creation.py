@@ -27,7 +27,7 @@ from ..captures.keyframes.choosing import video_keyframes
 from ..captures.masks import FOLDER as MASKS
 from ..captures.pose_adjustment import triangulate_refined
 from ..captures.poses.dropped_files import VIDEOS
-from ..captures.poses.registry import find_export, find_recording
+from ..captures.poses.registry import find_export, find_recording, poses_unpacked
 from ..captures.sensors.measuring import measured_depth
 from ..captures.sensors.sensor_depth import SensorDepth
 from ..captures.sensors.sensor_maps import SensorMap
@@ -67,7 +67,9 @@ def create_scene(
     if is_archive(captures):
         with ScratchFolder() as unpacked, errors_of(captures, Path(unpacked)):
             folder = unpack(captures, Path(unpacked), progress)
-            return create_scene(path, folder, poses, robot, scope, scale, settings, progress, choice)
+            return create_scene(
+                path, folder, poses or poses_unpacked(folder), robot, scope, scale, settings, progress, choice
+            )
     is_video = captures.is_file() and captures.suffix.lower() in VIDEOS
     recording = find_recording(captures, poses)
     if choice.first and (is_video or recording is not None or choice.names):

@@ -75,15 +75,16 @@ def test_what_is_wrong_in_it_is_told_of_it(tmp_path, room, room_cameras):
     assert "r2sego-" not in str(told.value) and "Unpack" in told.value.cure
 
 
-def test_photographs_below_their_poses_become_a_bundle(tmp_path, room_captures):
-    """As nerfstudio lays them out."""
+@pytest.mark.parametrize("place", ["images/", ""])
+def test_photographs_in_a_zip_have_the_poses_that_lie_there(tmp_path, room_captures, place):
+    """As nerfstudio lays them out, and straight beside each other."""
     scan = tmp_path / "share/room"
-    (scan / "images").mkdir(parents=True)
+    (scan / place).mkdir(parents=True)
     for capture in room_captures:
-        shutil.copy(capture.image_path, scan / "images")
+        shutil.copy(capture.image_path, scan / place)
     gl = np.diag([1.0, -1.0, -1.0, 1.0])
     frames = [
-        {"file_path": f"images/{c.name}", "transform_matrix": (c.camera.world_from_camera @ gl).tolist()}
+        {"file_path": f"{place}{c.name}", "transform_matrix": (c.camera.world_from_camera @ gl).tolist()}
         for c in room_captures
     ]
     (scan / "transforms.json").write_text(json.dumps({"fl_x": 300.0, "metric": True, "frames": frames}))

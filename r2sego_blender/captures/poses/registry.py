@@ -98,6 +98,17 @@ def poses_near(folder: Path) -> Sequence[Path]:
     return ()
 
 
+def poses_unpacked(folder: Path) -> Path | None:
+    """The poses in an unpacked archive, in which nobody can name them; None where it brings its own anyway, or none.
+
+    Raises CaptureError where there are several to choose from.
+    """
+    if not folder.is_dir() or find_export(folder) is not None or find_recording(folder) is not None:
+        return None
+    found = poses_beside(folder)
+    return only_one(found, folder) if found else None
+
+
 def has_photographs(folder: Path) -> bool:
     """Whether photographs lie straight in a folder, by their names."""
     return folder.is_dir() and any(
