@@ -105,7 +105,7 @@ def test_engine_scripts_pass_everything_on(run, tmp_path, script, command):
 def test_the_real_engine_answers_in_one_line(run, tmp_path):
     done = run("refine.py", "missing.r2s")
     assert done.returncode == 1
-    assert "scene.toml" in done.stderr
+    assert "missing.r2s" in done.stderr
     assert "Traceback" not in done.stderr
 
 

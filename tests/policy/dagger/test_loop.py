@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 import torch
 from dot_environment import DotEnvironment, DotTeacher
-from expected_errors import refused
 
 from r2sego_blender.core.errors import MachineError, SettingsError
 from r2sego_blender.core.progress import Progress, Task
@@ -45,7 +44,6 @@ import signal, sys
 from pathlib import Path
 signal.signal(signal.SIGINT, signal.default_int_handler)  # who runs tests in the background ignores it
 from dot_environment import DotEnvironment, DotTeacher
-from expected_errors import refused
 from r2sego_blender.policy.dagger.loop import train_student
 from r2sego_blender.policy.dagger.settings import DaggerSettings
 settings = DaggerSettings(teacher_episodes=8, views=8, eye_epochs=1, iterations=0, epochs=10_000)
@@ -190,5 +188,6 @@ def test_beta_falls_from_the_teacher_alone_to_the_student_alone():
 
 @pytest.mark.parametrize("read", [load_student, load_settings])
 def test_a_folder_without_a_training_is_not_called_damaged(tmp_path, read):
-    with refused(MachineError, tmp_path, cure="`r2sego policy train`"):
+    with pytest.raises(MachineError) as told:
         read(tmp_path / CHECKPOINT)
+    assert told.value.where == str(tmp_path) and "`r2sego policy train`" in told.value.cure
