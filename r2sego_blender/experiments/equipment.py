@@ -5,16 +5,14 @@ It is no part of a cell's key, for machines differ in it: what one scored is not
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
-from pathlib import Path
 
 from ..bundle.keys import step_key
 from ..core.digests import file_identity
 from ..core.errors import MachineError
 from ..evaluation.arms import ARMS
 from ..evaluation.external_arms.external_views import METHODS
-from ..evaluation.lpips.weights import BACKBONE_NAMES, HEADS_NAMES, WEIGHTS_VARIABLE
+from ..evaluation.lpips.weights import lpips_files, named_folder
 
 LPIPS = "lpips"
 """Its weights, beside the arms."""
@@ -27,12 +25,9 @@ def equipment(arms: Iterable[str]) -> dict[str, str]:
 
 
 def _weights() -> str:
-    folder = Path(os.environ.get(WEIGHTS_VARIABLE) or os.devnull)
-    parts = [
-        [file_identity(file) for name in names for file in sorted(folder.glob(name)) if file.is_file()]
-        for names in (BACKBONE_NAMES, HEADS_NAMES)
-    ]
-    return step_key((), parts, str) if all(parts) else ""
+    folder = named_folder()
+    files = [file for file in lpips_files(folder) if file is not None] if folder is not None else []
+    return step_key((), [file_identity(file) for file in files], str) if len(files) == 2 else ""
 
 
 def _method(arm: str) -> str:

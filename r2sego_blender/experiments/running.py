@@ -11,7 +11,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -63,9 +63,10 @@ def run_cell(cell: Cell, program: Sequence[str] = PROGRAM, patience_s: float = 6
     try:
         cell.folder.mkdir(parents=True, exist_ok=True)
         with _alone(cell, patience_s):
-            record = final_record(cell.folder, cell.key, equipment(cell.arms))
+            at_hand = equipment(cell.arms)
+            record = final_record(cell.folder, cell.key, at_hand)
             if record is None:
-                _done(cell, program).write(cell.folder)
+                _done(cell, program, at_hand).write(cell.folder)
                 record = read_record(cell.folder)  # as the next run will find it, to the byte
     except Exception as error:
         return failure(cell, error)
@@ -92,7 +93,7 @@ def _alone(cell: Cell, patience_s: float) -> Iterator[None]:
         yield
 
 
-def _done(cell: Cell, program: Sequence[str]) -> Record:
+def _done(cell: Cell, program: Sequence[str], at_hand: Mapping[str, str]) -> Record:
     stages = []
     if cell.shared is not None:
         cell.imported.parent.mkdir(parents=True, exist_ok=True)
@@ -104,7 +105,6 @@ def _done(cell: Cell, program: Sequence[str]) -> Record:
     if not cell.bundle.exists():
         copy_bundle(cell.imported, cell.bundle)
     _declare(cell)
-    scored_with = equipment(cell.arms)
     asked = ["--frozen", str(cell.scene.frozen), "--arms", ",".join(cell.arms), "--distinct"]
     if cell.refined:
         stages.append(_command("refine", [*program, "refine", str(cell.bundle)], cell))
@@ -126,7 +126,7 @@ def _done(cell: Cell, program: Sequence[str]) -> Record:
     steps = {record["step"]: record.get("seconds", 0.0) for record in scene.journal()}
     finished = round(time.time(), 3)
     assets = metrics.get("assets", {})
-    return Record(cell.key, arms, assets, tuple(stages), steps, made_by(), finished, not_scored, scored_with)
+    return Record(cell.key, arms, assets, tuple(stages), steps, made_by(), finished, not_scored, at_hand)
 
 
 def _import_options(cell: Cell) -> list[str]:

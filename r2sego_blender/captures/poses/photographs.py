@@ -170,8 +170,11 @@ def captures_of(photographs: Sequence[Photograph], max_side_px: int) -> tuple[Ca
                     where=photographs[0].source,
                     cure="Keep one entry for each photograph.",
                 )
-    require_readable([photograph.path for photograph in photographs])
-    return posed_captures(photographs, max_side_px)
+    try:
+        return posed_captures(photographs, max_side_px)
+    except CaptureError:
+        require_readable([photograph.path for photograph in photographs])  # else the error is another
+        raise
 
 
 def posed_captures(photographs: Sequence[Photograph], max_side_px: int) -> tuple[Capture, ...]:

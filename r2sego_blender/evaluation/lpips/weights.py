@@ -19,22 +19,20 @@ if TYPE_CHECKING:
     from .network import Lpips
 
 WEIGHTS_VARIABLE = "R2SEGO_LPIPS_WEIGHTS"
-BACKBONE_NAMES = ("alexnet*.pth",)
-HEADS_NAMES = ("lpips_lin_alex*.pth", "alex.pth")
+_BACKBONE_NAMES = ("alexnet*.pth",)
+_HEADS_NAMES = ("lpips_lin_alex*.pth", "alex.pth")
 
 
 def find_lpips(folder: Path | None = None) -> tuple[Lpips | None, str]:
     """LPIPS with the weights of ``folder`` (or of R2SEGO_LPIPS_WEIGHTS), or None and why."""
+    folder = folder or named_folder()
     if folder is None:
-        named = os.environ.get(WEIGHTS_VARIABLE)
-        if not named:
-            return None, f"AlexNet weights not at hand (name their folder in {WEIGHTS_VARIABLE})"
-        folder = Path(named)
-    backbone, heads = _first(folder, BACKBONE_NAMES), _first(folder, HEADS_NAMES)
+        return None, f"AlexNet weights not at hand (name their folder in {WEIGHTS_VARIABLE})"
+    backbone, heads = lpips_files(folder)
     if backbone is None:
-        return None, f"AlexNet weights not at hand (no {BACKBONE_NAMES[0]} in {folder})"
+        return None, f"AlexNet weights not at hand (no {_BACKBONE_NAMES[0]} in {folder})"
     if heads is None:
-        return None, f"LPIPS heads not at hand (no {' or '.join(HEADS_NAMES)} in {folder})"
+        return None, f"LPIPS heads not at hand (no {' or '.join(_HEADS_NAMES)} in {folder})"
     from .network import Lpips
 
     try:
@@ -42,6 +40,17 @@ def find_lpips(folder: Path | None = None) -> tuple[Lpips | None, str]:
     except Exception as error:  # PyTorch raises anything on damaged files
         first_line = printable((str(error).splitlines() or [type(error).__name__])[0])
         return None, f"LPIPS weights in {folder} cannot be used: {first_line}"
+
+
+def named_folder() -> Path | None:
+    """The folder of weights that R2SEGO_LPIPS_WEIGHTS names."""
+    named = os.environ.get(WEIGHTS_VARIABLE)
+    return Path(named) if named else None
+
+
+def lpips_files(folder: Path) -> tuple[Path | None, Path | None]:
+    """AlexNet's file and that of the heads in ``folder``, None for what is not there."""
+    return _first(folder, _BACKBONE_NAMES), _first(folder, _HEADS_NAMES)
 
 
 def _first(folder: Path, patterns: tuple[str, ...]) -> Path | None:

@@ -157,8 +157,9 @@ class _BundleEnv(gymnasium.Env[Observation, np.ndarray]):
     def step(self, action: np.ndarray) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """A tenth of a second of an action (4,), see ``drive_actions``. Raises RobotError for what is none."""
         self._require_start()
-        command = self._command(action)
-        self._last_action = np.clip(np.asarray(action, np.float32), -1.0, 1.0)
+        said = np.asarray(action, np.float32)
+        command = self._command(said)
+        self._last_action = np.clip(said, -1.0, 1.0)
         self._episode.step(command)
         self._steps += 1
         success = self._episode.succeeded

@@ -4,15 +4,14 @@ import contextlib
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from socket_servers import served
 
 from r2sego_blender.commands.trials import trials
 from r2sego_blender.core.errors import TrialError
@@ -83,20 +82,16 @@ def test_the_self_test_passes_a_device_at_rest_alone(calibration):
 @contextlib.contextmanager
 def sends(data):
     """The URL of a device that sends ``data`` to whoever opens it, and then its last line again and again."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
 
-        def send():
-            with contextlib.suppress(OSError):
-                reader, _ = server.accept()
-                with reader:
-                    time.sleep(0.5)  # what comes while a port is opened is thrown away
-                    reader.sendall(data)
-                    while True:
-                        time.sleep(0.05)
-                        reader.sendall(data[data.rindex(b"$") :])
+    def send(reader):
+        time.sleep(0.5)  # what comes while a port is opened is thrown away
+        reader.sendall(data)
+        while True:
+            time.sleep(0.05)
+            reader.sendall(data[data.rindex(b"$") :])
 
-        threading.Thread(target=send, daemon=True).start()
-        yield f"socket://127.0.0.1:{server.getsockname()[1]}"
+    with served(send) as port:
+        yield f"socket://127.0.0.1:{port}"
 
 
 CELLS = simulated_calibration().channels

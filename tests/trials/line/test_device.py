@@ -3,7 +3,6 @@
 import contextlib
 import os
 import random
-import socket
 import sys
 import threading
 import time
@@ -11,6 +10,7 @@ import time
 import pytest
 import serial
 import serial.rfc2217
+from socket_servers import served
 
 from r2sego_blender.core.errors import TrialError
 from r2sego_blender.trials.line.adapters import AsciiStream, Mark10
@@ -190,23 +190,6 @@ def test_what_cannot_be_opened_is_told_with_its_name(url):
     with pytest.raises(TrialError) as told:
         open_device(url)
     assert told.value.where == url and told.value.cure
-
-
-@contextlib.contextmanager
-def served(serve):
-    """A server of one connection on this machine: its port."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-
-        def work():
-            with contextlib.suppress(OSError):
-                connection, _ = server.accept()
-                with connection:
-                    serve(connection)
-
-        thread = threading.Thread(target=work, daemon=True)
-        thread.start()
-        yield server.getsockname()[1]
-        thread.join(5.0)
 
 
 def test_a_socket_is_read_whole_and_lost_when_the_other_side_goes():
