@@ -3,6 +3,8 @@
 xdist by itself gives that test to the next worker, and its scheduling by files then waits for ever.
 """
 
+import contextlib
+
 import pytest
 
 
@@ -15,6 +17,17 @@ def pytest_configure(config):
 class DeadWorkers:
     def __init__(self):
         self._died = False
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_testnodeready(self, node):
+        """Work sent to a worker whose death is not told yet is no internal error: xdist is told next."""
+        send = node.send_runtest_some
+
+        def send_to_the_living(indices):
+            with contextlib.suppress(OSError):
+                send(indices)
+
+        node.send_runtest_some = send_to_the_living
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_handlecrashitem(self, crashitem, report, sched):

@@ -29,7 +29,7 @@ def run(tmp_path):
         environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
         done = subprocess.run(
             [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *options, str(tmp_path)],
-            env=environment | {"PYTHONPATH": str(Path(__file__).parent)},
+            env=environment | {"PYTHONPATH": os.pathsep.join((str(Path(__file__).parent), str(tmp_path)))},
             cwd=tmp_path,
             capture_output=True,
             text=True,
@@ -61,6 +61,35 @@ def test_a_dead_worker_ends_the_run_and_its_test_is_named(run, dying):
     assert time.monotonic() - started_s < WITHIN_S
     assert status == 1
     assert "FAILED test_a.py::test_dies - worker 'gw" in said
+    assert "a test worker died in test_a.py::test_dies" in said
+
+
+LATE_NEWS = """
+    import time
+    import pytest
+    from xdist.workermanage import Marker, WorkerController
+
+    told = WorkerController.process_from_remote
+
+    def told_late(self, eventcall):
+        if eventcall is Marker.END: time.sleep(3)
+        told(self, eventcall)
+
+    WorkerController.process_from_remote = told_late
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtest_logreport(report):
+        if "test_fine" in report.nodeid and report.when == "teardown" and hasattr(report, "node"):
+            report.node.gateway._io.popen.wait(60)
+"""
+
+
+def test_work_sent_to_a_worker_that_is_dead_already_ends_the_run_alike(run):
+    """xdist has more to send, the pipe is broken, and the worker's end is told later."""
+    dies = "import os\ndef test_fine(): pass\ndef test_dies(): os.abort()\ndef test_after(): pass\n"
+    others = {f"test_other_{index}.py": OTHERS.format(long_s=300) for index in range(4)}
+    said, status = run({"late_news.py": LATE_NEWS, "test_a.py": dies} | others, *spread("-p", "late_news"))
+    assert status == 1
     assert "a test worker died in test_a.py::test_dies" in said
 
 
