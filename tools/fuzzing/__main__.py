@@ -67,7 +67,7 @@ def main() -> None:
     changed.add_argument("--again", action="store_true", help="go on where a run into the folder was ended")
     guided = commands.add_parser("guided", help="coverage-guided, a format at a time")
     guided.add_argument("format", nargs="*", help="formats, or how their names begin; all without any")
-    guided.add_argument("--seconds", type=int, default=600, help="for each")
+    guided.add_argument("--seconds", type=int, default=600, help="of processor time for each")
     guided.add_argument("--processes", type=int, default=1, help="formats at a time")
     guided.add_argument("--to", type=Path, default=Path("build/fuzzing_guided"))
     counted = guided.add_mutually_exclusive_group()

@@ -13,7 +13,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 from random import Random
 
@@ -30,7 +29,8 @@ _MOST_MB = 4000
 
 
 def guide(name: str, seconds: int, folder: Path, again: bool = False) -> tuple[int, int]:
-    """Search for so long; how many inputs were tried, and how many kinds of failing ones ``folder`` has.
+    """Search for so many seconds of processor time; how many inputs were tried, how many kinds of failing ones
+    ``folder`` has.
 
     With ``again`` what earlier runs into the folder searched counts.
     """
@@ -43,8 +43,7 @@ def guide(name: str, seconds: int, folder: Path, again: bool = False) -> tuple[i
     for one in (failing, corpus):
         one.mkdir(parents=True, exist_ok=True)
     before_s = float(searched.read_text(encoding="utf-8")) if searched.is_file() else 0.0
-    began_s = time.monotonic()
-    while (left := int(seconds - before_s - (time.monotonic() - began_s))) > 0:
+    while (left := int(seconds - before_s)) > 0:
         with tempfile.TemporaryDirectory(dir="/dev/shm" if os.access("/dev/shm", os.W_OK) else None) as scratch:
             command = [sys.executable, "-m", "tools.fuzzing.guided", name, str(failing), str(corpus)]
             options = [f"-max_total_time={left}", f"-max_len={_LONGEST_BYTES}", f"-timeout={_HANG_S}"]
@@ -57,10 +56,17 @@ def guide(name: str, seconds: int, folder: Path, again: bool = False) -> tuple[i
             ]
             with (place / "log").open("ab") as log:
                 environment = os.environ | {"TMPDIR": scratch}
-                subprocess.run([*command, *options], cwd=_ROOT, env=environment, stderr=log, stdout=log, check=False)
-        searched.write_text(f"{before_s + time.monotonic() - began_s:.1f}\n", encoding="utf-8")
+                child = subprocess.Popen([*command, *options], cwd=_ROOT, env=environment, stderr=log, stdout=log)
+                before_s += _ended_s(child)
+        searched.write_text(f"{before_s:.1f}\n", encoding="utf-8")
     runs = sum(map(int, _RUNS.findall((place / "log").read_text(errors="replace"))))
     return runs, sum(file.suffix != _TOLD for file in failing.iterdir())
+
+
+def _ended_s(child: subprocess.Popen[bytes]) -> float:
+    """The seconds of processor time that it took; at least one, so that a search that cannot begin ends."""
+    _, child.returncode, used = os.wait4(child.pid, 0)
+    return max(1.0, used.ru_utime + used.ru_stime)
 
 
 def main() -> None:
