@@ -17,7 +17,7 @@ _one_at_a_time = threading.Lock()
 
 @dataclass(frozen=True)
 class Searched:
-    """What of a format was searched without a fault: seconds of processor time, inputs, the last time's day and commit."""
+    """What of a format was searched without a fault: processor seconds, inputs, the last time's day and commit."""
 
     seconds: int = 0
     inputs: int = 0
