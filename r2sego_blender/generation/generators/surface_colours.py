@@ -87,7 +87,7 @@ class SurfaceColours:
         for stack in self._stacks:
             facing = np.square(np.maximum(np.float32(stack.sign) * normals[:, stack.axes[2]], 0.0))
             chosen = np.flatnonzero(facing > _LEAST_FACING)
-            places = points[chosen][:, stack.axes] / stack.step
+            places = np.ascontiguousarray(points[chosen][:, stack.axes] / stack.step)  # compiled for one layout
             share = facing[chosen, None]
             colour[chosen] += share * _sample(stack.colour, places)
             total[chosen] += share

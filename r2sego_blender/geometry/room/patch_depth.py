@@ -160,6 +160,7 @@ class _Evidence:
         Factors above a patch's ``largest`` (P,) are not looked at: as if nobody saw it there.
         """
         points = self.rays * depth[:, None]
+        largest = np.asarray(largest, np.float64)  # the kernel is compiled once
         compared = [
             _compared(
                 self.colours,
