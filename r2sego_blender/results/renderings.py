@@ -14,7 +14,7 @@ from ..refine.splat_start import holds_poses, posed_photographs
 from ..splats.artifacts import load_stage
 from ..splats.asset import SplatAsset
 from ..splats.formats.registry import load_asset
-from ..splats.rendering.pictures import load_cameras
+from ..splats.rendering.pictures import distorted_lenses, load_cameras, photographs_named
 
 
 def asset_and_cameras(
@@ -32,7 +32,9 @@ def asset_and_cameras(
         seen_from = {capture.name.replace("/", "_"): capture.camera for capture in posed}
         return load_asset(source, progress), seen_from, [capture.image_path for capture in posed]
     seen_from = load_cameras(cameras)
-    photographs = image_files(cameras.resolve().parent)
+    photographs = [*image_files(cameras.resolve().parent), *photographs_named(cameras)]
+    if count := distorted_lenses(cameras):
+        progress.message(f"{cameras}: the distortion of {count} lenses is left out: a pinhole is rendered", "warning")
     if not source.is_dir():
         return load_asset(source, progress), seen_from, photographs
     scene = Scene.open(source)

@@ -86,6 +86,29 @@ def test_photographs_are_not_replaced_by_pictures_of_their_cameras(r2sego, scene
     assert r2sego("render", scene.path, "--cameras", file, "--to", tmp_path, "--pass", "depth").exit_code == 0
 
 
+def test_photographs_that_the_cameras_name_are_not_replaced(r2sego, scene, tmp_path):
+    """As a cameras.json has them, in a folder of their own."""
+    photograph, entry = tmp_path / "photos/here.png", {"name": "here", "file": "photos/here.png", **CAMERA.to_json()}
+    photograph.parent.mkdir()
+    photograph.write_bytes(b"a photograph")
+    file = tmp_path / "cameras.json"
+    file.write_text(json.dumps({"captures": [entry]}))
+    done = r2sego("render", scene.asset_file, "--cameras", file, "--to", tmp_path / "photos")
+    assert done.exit_code == 1 and str(photograph) in done.stderr
+    assert photograph.read_bytes() == b"a photograph"
+
+
+@pytest.mark.parametrize(
+    ("lens", "warns"),
+    [({"distortion": [0.1, 0.0]}, True), ({"k1": -0.2}, True), ({"distortion": [0.0, 0.0], "k1": 0.0}, False)],
+)
+def test_distortion_that_is_not_rendered_is_told(r2sego, scene, tmp_path, lens, warns):
+    file = tmp_path / "cameras.json"
+    file.write_text(json.dumps({"cameras": [{"name": "here", **CAMERA.to_json()}], **lens}))
+    done = r2sego("render", scene.path, "--cameras", file, "--to", tmp_path / "out")
+    assert done.exit_code == 0 and ("distortion" in done.stderr) == warns
+
+
 @pytest.mark.parametrize("place", ["captures/images", "rounds/0", ""])
 def test_pictures_are_not_written_into_a_scene(r2sego, scene, tmp_path, place):
     before = content_digest(scene.path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,30 +22,25 @@ from .rasterizer import Rendering
 
 _LARGEST_PX = 100_000_000
 _LENS = ("width", "height", "fx", "fy", "cx", "cy")
+_DISTORTION = ("distortion", "fisheye", "k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
+"""Under which a cameras.json, or a transforms.json, tells that a lens is no pinhole."""
 
 
 def load_cameras(file: Path) -> dict[str, Camera]:
     """The cameras of a JSON file by name: its list ``cameras``, else ``captures``.
 
-    Each entry holds width, height, fx, fy, cx, cy in pixels and world_from_camera (4, 4), a
-    pinhole without distortion; ``name``, else its place in the list, names the pictures.
+    Each entry holds width, height, fx, fy, cx, cy in pixels and world_from_camera (4, 4), or without
+    its last row, a pinhole without distortion; ``name``, else its place in the list, names the pictures.
     Raises AssetError with the entry that is wrong.
     """
-    try:
-        data = read_json(file)
-    except OSError as error:
-        raise AssetError("the cameras cannot be read", where=file, cure="Check the path.") from error
-    except ValueError as error:
-        raise AssetError(f"it is not JSON: {error}", where=file, cure="Mend the file.") from error
-    entries = (data.get("cameras") or data.get("captures")) if isinstance(data, dict) else None
-    if not isinstance(entries, list) or not entries:
-        raise AssetError("there is no list 'cameras'", where=file, cure="Give one entry a camera.")
-    shared = {key: data[key] for key in _LENS if key in data}  # of all entries that say nothing else
     cameras: dict[str, Camera] = {}
-    for index, entry in enumerate(entries):
+    for index, entry in enumerate(_entries(file)):
         where = f"{file}: entry {index}"
         try:
-            camera = Camera.from_json(shared | entry)
+            pose = entry["world_from_camera"]
+            camera = Camera.from_json(
+                {**entry, "world_from_camera": [*pose, (0.0, 0.0, 0.0, 1.0)] if len(pose) == 3 else pose}
+            )
             name = str(entry.get("name", f"{index:03d}"))
         except KeyError as error:
             raise AssetError(
@@ -66,6 +62,33 @@ def load_cameras(file: Path) -> dict[str, Camera]:
     return cameras
 
 
+def photographs_named(file: Path) -> list[Path]:
+    """The photographs that the entries of ``load_cameras`` name as their ``file``."""
+    names = [entry.get("file") for entry in _entries(file)]
+    return [file.parent / name for name in names if isinstance(name, str)]
+
+
+def distorted_lenses(file: Path) -> int:
+    """How many of the cameras of ``load_cameras`` have a lens that is said to distort: they are rendered without."""
+    told = [[entry.get(key) for key in _DISTORTION] for entry in _entries(file)]
+    return sum(any(any(one) if isinstance(one, list) else one for one in values) for values in told)
+
+
+def _entries(file: Path) -> list[Any]:
+    """The list of cameras, each with what holds for all of them. Raises AssetError where there is none."""
+    try:
+        data = read_json(file)
+    except OSError as error:
+        raise AssetError("the cameras cannot be read", where=file, cure="Check the path.") from error
+    except ValueError as error:
+        raise AssetError(f"it is not JSON: {error}", where=file, cure="Mend the file.") from error
+    entries = (data.get("cameras") or data.get("captures")) if isinstance(data, dict) else None
+    if not isinstance(entries, list) or not entries:
+        raise AssetError("there is no list 'cameras'", where=file, cure="Give one entry a camera.")
+    shared = {key: data[key] for key in (*_LENS, *_DISTORTION) if key in data}  # of all entries that say nothing else
+    return [shared | entry if isinstance(entry, dict) else entry for entry in entries]
+
+
 def save_pictures(
     asset: SplatAsset,
     cameras: Mapping[str, Camera],
@@ -81,12 +104,17 @@ def save_pictures(
     have ``<name>_<pass>.png`` to look at (alpha as grey, depth from the nearest, light, to the
     farthest, dark, normals as (n + 1) / 2) and stand exactly in ``<name>.npz``: alpha (H, W), depth
     (H, W) metres, 0 where nothing is, normals (H, W, 3) in the world; all float32. Raises AssetError
-    when the folder cannot be written, and before anything is where a picture would replace one of the ``photographs``.
+    when the folder cannot be written, and before anything is where a picture would replace another, or one of the
+    ``photographs``.
     """
     names, spared = _file_names(cameras), {photograph.resolve() for photograph in photographs}
-    for file in (folder / _file_name(name, one) for name in names for one in passes):
+    files = [folder / _file_name(name, one) for name in names for one in passes]
+    for file in files:
         if file.resolve() in spared:
             raise AssetError("a picture would replace this photograph", where=file, cure="Choose another folder.")
+    taken = Counter(file.name.lower() for file in files)
+    if twice := [file for file in files if taken[file.name.lower()] > 1]:
+        raise AssetError("two cameras' pictures would have this name", where=twice[0], cure="Rename one of them.")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

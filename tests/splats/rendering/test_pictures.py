@@ -67,6 +67,23 @@ def test_cameras_are_read_by_name_or_place(room, tmp_path):
     assert list(cameras) == ["a", "001"] and cameras["a"].to_json() == camera
 
 
+def test_a_pose_may_come_without_its_last_row(room, tmp_path):
+    camera, file = room.views[0].camera, tmp_path / "cameras.json"
+    entry = camera.to_json()
+    file.write_text(json.dumps({"cameras": [{**entry, "world_from_camera": entry["world_from_camera"][:3]}]}))
+    (read,) = load_cameras(file).values()
+    assert read.to_json() == entry
+
+
+def test_no_picture_of_a_camera_replaces_one_of_another(room, tmp_path):
+    """The depth of ``a`` would be the colour of ``a_depth``."""
+    cameras = dict.fromkeys(("A", "a_depth"), room.views[0].camera.scaled(0.25))
+    with pytest.raises(AssetError, match=r"_depth\.png: .*Rename"):
+        save_pictures(room.asset, cameras, tmp_path / "out", ("colour", "depth"))
+    assert not (tmp_path / "out").exists()
+    assert len(save_pictures(room.asset, cameras, tmp_path / "out")) == 2
+
+
 def test_what_holds_for_all_cameras_is_said_once(tmp_path):
     """As in a cameras.json of captures."""
     entry = Camera(8, 6, 5.0, 5.5, 4.0, 3.0, np.eye(4)).to_json()
