@@ -31,6 +31,8 @@ from ..splats.formats.files import publishing
 
 _TOO_MANY = 1.1  # times the faces asked for, which decimation keeps to where it can
 
+_BESIDE_OBJ = (".mtl", ".png", ".xml")
+
 FILE = "textured_proxy.glb"
 """Its name in the bundle."""
 
@@ -74,7 +76,7 @@ def texture_scene(
     written beside it. By default it is the bundle's own ``textured_proxy.glb``. The captures' exposures
     are evened out first. Raises SettingsError for another suffix, SceneError for another file in a bundle,
     when there is no proxy yet, its world frame was corrected since, or while another process or thread writes
-    to the scene, AssetError when the file cannot be written.
+    to the scene, AssetError when the file cannot be written, and where what is written beside a new ``.obj`` is there.
     """
     with scene.locked():
         return _textured(scene, settings, file, progress)
@@ -89,9 +91,12 @@ def _textured(scene: Scene, settings: Settings, file: Path | None, progress: Pro
         raise SettingsError(f"'{target.name}' ends neither in .glb nor in .obj", where="--to", cure="Name it so.")
     if not target.parent.is_dir():
         raise AssetError("there is no such folder", where=target.parent, cure="Make it first.")
+    is_obj = target.suffix.lower() == ".obj"
+    if is_obj:
+        target = target.with_suffix(".obj")  # as MuJoCo's scene beside it names it
+        _require_free_beside(target)
     textured, views = _baked(scene, _newest_proxy(scene), settings, progress)
-    is_glb = target.suffix.lower() == ".glb"
-    files = {target.name: textured.glb()} if is_glb else obj_files(textured, target.stem)
+    files = obj_files(textured, target.stem) if is_obj else {target.name: textured.glb()}
     for name, data in files.items():
         with publishing(target.with_name(name)) as staging:
             staging.write_bytes(data)
@@ -148,6 +153,14 @@ def _baked(
     shown = [_on_photograph(capture) for capture in captures]
     textured = bake(mesh, images, cameras, settings.texture, progress, shown)
     return textured, [_View(*view) for view in zip(cameras, images, shown, strict=True)]
+
+
+def _require_free_beside(obj: Path) -> None:
+    """Raises AssetError where a new ``obj`` would be written beside what is not its own."""
+    beside = [obj.with_suffix(suffix) for suffix in _BESIDE_OBJ]
+    for file in beside if not obj.exists() else ():
+        if file.exists():
+            raise AssetError("it would be written over", where=file, cure="Choose another name, or move it away.")
 
 
 def _on_photograph(capture: Capture) -> np.ndarray:

@@ -133,6 +133,24 @@ def test_a_scene_without_a_proxy_says_what_to_run(scene):
     assert done.exit_code == 1 and "r2sego refine" in done.stderr
 
 
+def test_the_obj_that_is_told_is_there(scene, tmp_path):
+    done = r2sego("texture", scene.path, "--to", tmp_path / "room.OBJ", *SMALL)
+    file = Path(done.stdout.split(": ")[0])
+    assert file.parent == tmp_path and file.is_file() and file.name in (tmp_path / "room.xml").read_text()
+
+
+@pytest.mark.parametrize("suffix", [".mtl", ".png", ".xml"])
+def test_what_lies_beside_a_new_obj_is_not_written_over(scene, tmp_path, suffix):
+    own = tmp_path / f"IMG_1{suffix}"
+    own.write_bytes(b"a person's own")
+    options = ["--to", tmp_path / "IMG_1.obj", *SMALL]
+    done = r2sego("texture", scene.path, *options)
+    assert done.exit_code == 1 and str(own) in done.stderr
+    assert own.read_bytes() == b"a person's own" and not (tmp_path / "IMG_1.obj").exists()
+    own.unlink()
+    assert [r2sego("texture", scene.path, *options).exit_code for _ in range(2)] == [0, 0]  # its own are replaced
+
+
 @pytest.mark.parametrize("name", ["collision/mesh.obj", "room.obj", "captures/room.glb"])
 def test_nothing_else_in_the_scene_is_written_over(scene, name):
     before = content_digest(scene.path)
