@@ -20,11 +20,11 @@ def blended_captures(scene: Scene) -> Callable[[Camera], Frame] | None:
     """Gives the captures' blend at a camera; what none of them saw of it has the surfaces' colours as they are
     continued, and the confidence of a hole. None where the scene has no proxy that can be read.
     """
-    h, rounds = scene.declaration.settings, scene.rounds_of_result()
-    if not rounds:
+    h, last = scene.declaration.settings, scene.newest_round("asset.ply")
+    if last < 0:
         return None
     try:
-        captures, proxy = scene.read(CAPTURES), scene.read(PROXY.of_round(rounds - 1))
+        captures, proxy = scene.read(CAPTURES), scene.read(PROXY.of_round(last))
         observed = reliable_depths(captures, scene.read(DEPTH), h.stereo)
     except R2SEgoError:
         return None

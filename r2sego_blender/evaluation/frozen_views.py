@@ -113,7 +113,7 @@ def _captures(scene: Scene) -> Iterator[tuple[str, Camera]]:
 
 
 def _retained_targets(scene: Scene) -> Iterator[tuple[str, Camera]]:
-    for index in range(scene.rounds_of_result()):
+    for index in range(scene.newest_round("asset.ply") + 1):
         selection, candidates = scene.read(SELECTION.of_round(index))
         for record in read_views(scene.path / of_round(index, "views"), selection.budget):
             if record.accepted:

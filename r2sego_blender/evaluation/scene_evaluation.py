@@ -15,6 +15,7 @@ from ..bundle.stale import require_present_frame
 from ..captures.capture import Capture
 from ..core.errors import R2SEgoError, SceneError
 from ..core.progress import SILENT, Progress
+from ..results.plan import parts_outdated
 from . import generator_score, round_scores, scene_causes, view_influence
 from .arm_scores import ScoredArms, arm_lines, asset_digests, not_scored_lines, score_arms
 from .arms import ARMS, DEFAULT_ARMS, REFINED
@@ -30,6 +31,11 @@ from .scene_report import write_scene_report
 from .surfaces.figures import geometry_lines, region_psnr, unseen_told
 from .surfaces.scene_surfaces import SceneSurfaces, surfaces_of
 from .surfaces.surface_scores import ArmFigures, arm_figures, geometry_figures
+
+_OF_BEFORE = (
+    "the asset was refined before settings, or what it is made of, changed: arms that are trained to compare with it "
+    "have what is declared now; `r2sego refine` first makes them alike"
+)
 
 
 def evaluate_scene(
@@ -61,6 +67,9 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress, arms: Sequence[st
         )
     require_present_frame(scene, [layout.REFINED_ASSET], "scored")
     require_as_made(scene, layout.REFINED_ASSET)
+    told = _OF_BEFORE if "asset" in parts_outdated(scene) else ""
+    if told:
+        progress.message(f"{scene.path}: {told}", "warning")
     views, poses = views_to_score(scene, frozen, distinct, progress)
     exposures = exposures_of(scene)
     scored = score_arms(scene, arms, views, exposures, progress)
@@ -92,7 +101,7 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress, arms: Sequence[st
     shown = _pictures(views, scored, figures, unseen)
     split = report_causes(causes, scored.scores[REFINED], shown)
     of_generator = generator_score.told(generator)
-    write_scene_report(scene, scored.scores, shown, rounds, split, figures, of_generator, influence, poses)
+    write_scene_report(scene, scored.scores, shown, rounds, split, figures, of_generator, influence, poses, told)
     return metrics
 
 

@@ -80,14 +80,15 @@ def write_scene_report(
     generator: str = "",
     influence: Mapping[str, Any] = MappingProxyType({}),
     frozen_poses: str = "",
+    of_before: str = "",
 ) -> Path:
     """Write ``report/index.html`` from what the bundle holds, with scores where there are some.
 
     ``influence`` is what generated views did on the frozen ones (``view_influence``), ``frozen_poses`` how their given
-    poses were refined.
+    poses were refined, and ``of_before`` that the asset is not of what is declared now.
     """
     declared = scene.declaration
-    rounds = range(scene.rounds_of_result())
+    rounds = [index for index in range(scene.newest_round("asset.ply") + 1) if _is_there(scene, index)]
     last = scene.read(PROXY.of_round(rounds[-1])) if rounds else None
     reasons = [score.lpips_reason for score in (scores or {}).values()]
     refined = figures[REFINED].whole if REFINED in figures else {}
@@ -106,6 +107,7 @@ def write_scene_report(
                 ("Preset", declared.preset),
                 ("Seed", str(declared.settings.seed)),
                 *([("Held-out views", frozen_poses)] if frozen_poses else []),
+                *([("Changed since", of_before)] if of_before else []),
             ),
             arms=tuple(_arm(key, score, figures) for key, score in (scores or {}).items()),
             baseline=strongest_baseline({key: score.psnr for key, score in (scores or {}).items()}),
@@ -130,6 +132,11 @@ def write_scene_report(
             ),
         ),
     )
+
+
+def _is_there(scene: Scene, index: int) -> bool:
+    """Whether a round can be shown, be its asset there or not."""
+    return (scene.round_folder(index) / "proxy").is_dir()
 
 
 def _arm(key: str, score: ArmScore, figures: Mapping[str, ArmFigures]) -> Arm:

@@ -41,7 +41,7 @@ def view_influence(
     if not {REFINED, WITHOUT_GENERATED} <= images.keys():
         return {}
     try:
-        rounds = range(scene.rounds_of_result())
+        rounds = range(scene.newest_round("asset.ply") + 1)
         taught = [(index, one) for index in rounds for one in scene.read(VIEWS.of_round(index))]
         asset = scene.read(REFINED_ASSET)
     except R2SEgoError:

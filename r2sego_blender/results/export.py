@@ -41,7 +41,8 @@ _FILES = {
     "asset.ply": "what cameras see: 3D Gaussians in the order of Inria's PLY, the backdrop among them",
     "collision": "what bodies touch: scene.xml (MuJoCo), scene.urdf, scene.sdf (Gazebo, Drake) and\n"
     "scene.usd (UsdPhysics); convex pieces in hulls; mesh.obj, mesh.stl and mesh.glb (Y up)",
-    "proxy.ply": "the geometry both were made with: grey observed, teal of a prior, amber completed",
+    "proxy.ply": "the geometry both were made with: grey observed, teal of a prior, amber completed,\n"
+    "blue measured by a sensor, mauve estimated",
     "cameras.json": "the photographs' cameras",
     SPAWN_POSES: "where the robot may begin: free, stood on in MuJoCo, with a way to its target",
     TEXTURED: "the proxy with the photographs baked on it, for cameras of simulators: room.xml (MuJoCo),\n"

@@ -23,6 +23,7 @@ from r2sego_blender.evaluation.frozen_pictures import FROZEN_PICTURES
 from r2sego_blender.evaluation.frozen_views import seen_in_training
 from r2sego_blender.evaluation.report_data import Round
 from r2sego_blender.evaluation.scene_causes import CAUSES
+from r2sego_blender.geometry.proxy.proxy import PROXY
 from r2sego_blender.results.status import lines
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.formats.ply import save_ply
@@ -144,6 +145,28 @@ def test_an_asset_that_was_changed_since_is_not_scored(evaluated):
     with pytest.raises(SceneError, match=r"asset\.ply: it is not as it was made.*refine"):
         scene_evaluation.evaluate_scene(scene, frozen)
     assert not scene.metrics_file.exists()
+
+
+def test_where_an_earlier_round_lost_its_asset_all_is_told_by_the_last_rounds_proxy(evaluated):
+    scene, frozen = evaluated
+    whole = scene_evaluation.evaluate_scene(scene, frozen)
+    first = scene.read(PROXY.of_round(0))
+    replace(first, vertices=first.vertices + np.array([1.5, 0.4, 0.0])).save(scene.path / "rounds/0/proxy/proxy.npz")
+    (scene.path / "rounds/0/asset.ply").unlink()
+    metrics = scene_evaluation.evaluate_scene(scene, frozen)
+    assert "missing" in metrics["rounds"][0] and metrics["rounds"][1]["psnr"] == whole["rounds"][1]["psnr"]
+    for part in ("arms", "causes", "generator"):
+        assert metrics[part] == whole[part]
+    assert "2 refinement rounds" in (scene.report_folder / "index.html").read_text(encoding="utf-8")
+
+
+def test_an_asset_of_what_was_declared_before_is_told(evaluated):
+    scene, frozen = evaluated
+    recorder = ProgressRecorder()
+    Runner(scene).step("asset.ply", lambda file: save_ply(file, splats(0.62)), inputs=[])  # of nothing that is declared
+    scene_evaluation.evaluate_scene(scene, frozen, recorder)
+    assert any("r2sego refine" in text for level, text in recorder.messages if level == "warning")
+    assert "Changed since" in (scene.report_folder / "index.html").read_text(encoding="utf-8")
 
 
 def test_a_bundle_that_lost_its_proxy_is_scored_and_says_so(evaluated):

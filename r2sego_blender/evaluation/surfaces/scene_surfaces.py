@@ -78,7 +78,7 @@ def surfaces_of(scene: Scene, frozen: Path, views: Sequence[Capture], progress: 
 
     Raises GeometryError when the last round's proxy is not there.
     """
-    last = scene.rounds_of_result() - 1
+    last = scene.newest_round("asset.ply")  # of earlier ones the asset may be gone
     proxy = scene.read(PROXY.of_round(max(last, 0)))
     found = MeshRasterizer(proxy.vertices, proxy.faces)
     captures = [capture.camera for capture in scene.read(CAPTURES)]
