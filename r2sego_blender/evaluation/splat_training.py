@@ -7,6 +7,7 @@ The asset stays in the frame and unit of the poses.
 from __future__ import annotations
 
 import dataclasses
+import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -149,12 +150,21 @@ def unfinished_file(out: Path) -> Path:
 
 
 def check_output(path: Path) -> None:
-    """Raise AssetError when an asset cannot be written to ``path``: its suffix or its folder."""
+    """Raise AssetError when an asset cannot be written to ``path``: its suffix or folder is none, or takes no file."""
     format_of(path)
     if not path.parent.is_dir():
         raise AssetError("there is no such folder", where=path.parent, cure="Make it first.")
     if path.is_dir():
         raise AssetError("a folder has this name", where=path, cure="Give a file.")
+    try:
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise AssetError(
+            f"no file can be made there: {error.strerror or error}",
+            where=path.parent,
+            cure="Choose a folder that can be written.",
+        ) from error
 
 
 def _telling(start: Start, steps: int, kept: Path, progress: Progress) -> Watch:

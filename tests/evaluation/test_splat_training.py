@@ -115,6 +115,12 @@ def test_an_output_that_cannot_be_written_is_said_at_once(tmp_path):
         check_output(tmp_path / "room.ply")
 
 
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="a folder in which nobody can make a file")
+def test_a_folder_that_takes_no_file_is_said_before_the_long_work():
+    with pytest.raises(AssetError, match=r"^/proc: no file can be made there"):
+        check_output(Path("/proc/asset.ply"))
+
+
 def test_settings_that_do_nothing_here_are_refused():
     assert settings_of({"training.max_gaussians": "5000", "seed": 3}).seed == 3
     with pytest.raises(SettingsError, match="does nothing"):
