@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..bundle.backends import WITH_RECORDED
+from ..bundle.figures import CAMERAS
 from ..bundle.layout import REPORT_PAGE, of_round
 from ..bundle.scene import Scene
 from ..captures.capture import Capture
@@ -96,7 +97,7 @@ def write_scene_report(
         scene.made_folder(scene.report_folder.name),
         ReportData(
             title=scene.name.removesuffix(".r2s").replace("_", " "),
-            about=f"{len(list((scene.captures_folder / 'images').iterdir()))} photographs, "
+            about=f"{len(scene.read(CAMERAS)['captures'])} photographs, "
             f"{len(rounds)} refinement round{'s' if len(rounds) != 1 else ''}",
             facts=(
                 ("Captures", declared.captures_source),

@@ -42,6 +42,12 @@ def _made(scene, text):
     Runner(scene).step("asset.ply", lambda file: file.write_text(text), parameters=text)
 
 
+def test_photographs_are_counted_and_no_other_files(tmp_path):
+    scene = bundle(tmp_path, [None], None)
+    (scene.captures_folder / "images/.DS_Store").write_bytes(b"a Mac's")
+    assert "2 photographs, 0" in write_scene_report(scene).read_text(encoding="utf-8")
+
+
 def test_scores_stay_on_the_page_where_a_refinement_made_nothing(scene):
     _made(scene, "an asset")
     page = write_scene_report(scene)
