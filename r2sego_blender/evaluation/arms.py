@@ -37,7 +37,9 @@ class ArmSource:
 ARMS: Mapping[str, ArmSource] = {
     INITIAL: ArmSource("initial asset", INITIAL_ASSET, "reliable stereo of the captures, untrained"),
     VANILLA: ArmSource(
-        "vanilla 3DGS", "report/vanilla_3dgs.ply", "the same observed points, captures and number of steps"
+        "vanilla 3DGS",
+        "report/vanilla_3dgs.ply",
+        "the same observed points, captures, number of steps and largest number of Gaussians",
     ),
     GAUSSGYM: ArmSource(
         "GaussGym condition",
