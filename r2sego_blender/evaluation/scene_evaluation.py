@@ -33,8 +33,8 @@ from .surfaces.scene_surfaces import SceneSurfaces, surfaces_of
 from .surfaces.surface_scores import ArmFigures, arm_figures, geometry_figures
 
 _OF_BEFORE = (
-    "the asset was refined before settings, or what it is made of, changed: arms that are trained to compare with it "
-    "have what is declared now; `r2sego refine` first makes them alike"
+    "`r2sego refine` would make the asset anew, since a setting or what it is made of has changed, or is missing: "
+    "arms that are trained to compare with it have what is declared now"
 )
 
 

@@ -108,7 +108,7 @@ def write_scene_report(
                 ("Preset", declared.preset),
                 ("Seed", str(declared.settings.seed)),
                 *([("Held-out views", frozen_poses)] if frozen_poses else []),
-                *([("Changed since", of_before)] if of_before else []),
+                *([("Not up to date", of_before)] if of_before else []),
             ),
             arms=tuple(_arm(key, score, figures) for key, score in (scores or {}).items()),
             baseline=strongest_baseline({key: score.psnr for key, score in (scores or {}).items()}),

@@ -166,7 +166,7 @@ def test_an_asset_of_what_was_declared_before_is_told(evaluated):
     Runner(scene).step("asset.ply", lambda file: save_ply(file, splats(0.62)), inputs=[])  # of nothing that is declared
     scene_evaluation.evaluate_scene(scene, frozen, recorder)
     assert any("r2sego refine" in text for level, text in recorder.messages if level == "warning")
-    assert "Changed since" in (scene.report_folder / "index.html").read_text(encoding="utf-8")
+    assert "Not up to date" in (scene.report_folder / "index.html").read_text(encoding="utf-8")
 
 
 def test_a_bundle_that_lost_its_proxy_is_scored_and_says_so(evaluated):
