@@ -20,6 +20,8 @@ _MOST_CORNERS = 10_000
 _LARGEST_CELL = 1 << 20
 """Cells are numbered from minus this to this along each axis, so that three fit into 64 bits."""
 
+_LARGEST_WHOLE = 2.0**53  # float64 has all whole numbers below
+
 
 @dataclass(frozen=True)
 class Box:
@@ -171,8 +173,10 @@ def region_of(data: Mapping[str, Any], where: object) -> Region:
                     _numbers(np.reshape(sides, (-1, 4)), (len(sides), 4)),
                 )
             case "cells":
-                cells = np.asarray(data["cells"], np.int64).reshape(-1, 3)
-                return Cells(_numbers(data["grid_from_world"], (4, 4)), cells)
+                numbers = np.array(data["cells"], np.float64).reshape(len(data["cells"]), 3)
+                if not (np.abs(numbers) < _LARGEST_WHOLE).all() or (numbers != np.rint(numbers)).any():
+                    raise ValueError("cells are not whole numbers")
+                return Cells(_numbers(data["grid_from_world"], (4, 4)), numbers.astype(np.int64))
             case kind:
                 raise ValueError(f"kind is {kind!r}, not one of {', '.join(KINDS)}")
     except (AttributeError, ArithmeticError, KeyError, TypeError, ValueError, np.linalg.LinAlgError) as error:

@@ -134,7 +134,7 @@ def test_a_lasso_of_a_stranger_is_finite_and_has_an_end(damage):
         region_of({**Lasso(CAMERA, PENTAGON, 2.0, 5.0).to_json(), **damage}, "strange.json")
 
 
-@pytest.mark.parametrize("cells", [[[1e300, 0, 0]], [[2**70, 0, 0]], "abc", [[{}]]])
+@pytest.mark.parametrize("cells", [[[1e300, 0, 0]], [[2**70, 0, 0]], [[1.5, 2, 0]], [0, 0, 0, 1, 1, 1], "abc", [[{}]]])
 def test_cells_of_a_stranger_are_numbers(cells):
     with pytest.raises(AssetError, match="strange"):
         region_of({**Cells(np.eye(4), np.zeros((1, 3), np.int64)).to_json(), "cells": cells}, "strange.json")
