@@ -92,7 +92,7 @@ def test_photographs_that_the_cameras_name_are_not_replaced(r2sego, scene, tmp_p
     photograph.parent.mkdir()
     photograph.write_bytes(b"a photograph")
     file = tmp_path / "cameras.json"
-    file.write_text(json.dumps({"captures": [entry]}))
+    file.write_text(json.dumps({"captures": [entry, {**entry, "name": "no", "file": "no\0name"}]}))
     done = r2sego("render", scene.asset_file, "--cameras", file, "--to", tmp_path / "photos")
     assert done.exit_code == 1 and str(photograph) in done.stderr
     assert photograph.read_bytes() == b"a photograph"

@@ -65,7 +65,7 @@ def load_cameras(file: Path) -> dict[str, Camera]:
 def photographs_named(file: Path) -> list[Path]:
     """The photographs that the entries of ``load_cameras`` name as their ``file``."""
     names = [entry.get("file") for entry in _entries(file)]
-    return [file.parent / name for name in names if isinstance(name, str)]
+    return [file.parent / name for name in names if isinstance(name, str) and "\0" not in name]
 
 
 def distorted_lenses(file: Path) -> int:
