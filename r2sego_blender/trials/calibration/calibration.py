@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
@@ -169,7 +170,11 @@ class Calibration:
 
     def is_of(self, hello: Hello) -> bool:
         """Whether it is of the device that says ``hello``, with the channels that it has now."""
-        return (hello.device, hello.channels) == (self.device, tuple(one.channel for one in self.channels))
+        return hello.device == self.device and self.measures(hello.channels)
+
+    def measures(self, channels: Sequence[Channel]) -> bool:
+        """Whether it is of these channels, in their order."""
+        return tuple(one.channel for one in self.channels) == tuple(channels)
 
     def check_device(self, hello: Hello) -> None:
         """Raises TrialError where it is of another device than the one that says ``hello``."""

@@ -11,7 +11,7 @@ from ..calibration.calibration import Calibration
 from ..events import EventKind, TrialEvent
 from ..outcome import Failure, Judgement, Outcome, Unusable
 from ..plan.rules import Rules
-from ..stream import Flags, Stream, kind_of
+from ..stream import Channel, Flags, Stream, kind_of
 from .support import longest_support
 from .validity import recording_problems
 
@@ -30,7 +30,8 @@ def judge(stream: Stream, events: Sequence[TrialEvent], calibration: Calibration
     ended = next((event for event in events if event.kind is EventKind.ENDED), None)
     if started is None or (ended is not None and ended.time_ns <= started.time_ns):
         lost = ((Unusable.DISCONNECTED, "line lost"),) if len(stream.lost_ns) else ()
-        return Judgement(Outcome.UNUSABLE, (*lost, (Unusable.ABORTED, "never started")), 0.0, math.nan)
+        told = ", ".join(("never started", *(one.text for one in events if one.kind is EventKind.ABORTED and one.text)))
+        return Judgement(Outcome.UNUSABLE, (*lost, (Unusable.ABORTED, told)), 0.0, math.nan)
     last_ns = int(stream.received_ns.max(initial=started.time_ns))
     ended_ns = last_ns if ended is None else ended.time_ns
     unusable = [] if ended else [(Unusable.CUT_OFF, "the record breaks off")]
@@ -58,6 +59,21 @@ def judge(stream: Stream, events: Sequence[TrialEvent], calibration: Calibration
         reasons += _unsupported(support_us / 1e6, complete_us, (ended_ns - started.time_ns) / 1e9, rules)
     outcome = Outcome.UNUSABLE if unusable else Outcome.FAILURE if reasons else Outcome.SUCCESS
     return Judgement(outcome, (*unusable, *reasons), support_us / 1e6, highest_n)
+
+
+def calibration_problem(
+    calibration: Calibration | None, channels: Sequence[Channel], now_s: float, rules: Rules
+) -> str:
+    """Why no trial that begins ``now_s`` seconds after 1970 can be judged by a calibration; "" where it can."""
+    if calibration is None:
+        return "none"
+    if not calibration.measures(channels):
+        return "of other channels"
+    age = calibration.age_days(now_s)
+    if not 0.0 <= age <= rules.calibration_days:
+        return f"{age:.1f} days old"
+    kinds = {kind_of(channel.name) for channel in channels}
+    return "" if {TETHER, SEAT} <= kinds else f"it tells no load at {TETHER} and {SEAT}"
 
 
 Seen = tuple[float, Failure, str]
@@ -95,19 +111,13 @@ def _loads(
 ) -> tuple[np.ndarray, np.ndarray, str]:
     """Newtons at the tether and on the seat, (n,) each, and why they cannot be trusted; NaN where nothing tells."""
     unknown = np.full(int(within.sum()), np.nan)
-    if calibration is None:
-        return unknown, unknown, "none"
-    if tuple(one.channel for one in calibration.channels) != stream.channels:
-        return unknown, unknown, "of other channels"
-    age = calibration.age_days(now_s)
+    problem = calibration_problem(calibration, stream.channels, now_s, rules)
+    if calibration is None or not calibration.measures(stream.channels):
+        return unknown, unknown, problem
     loads = calibration.newtons(stream.raw[within])
     names = [channel.name for channel in stream.channels]
     tether, seat = (_together(loads, names, kind) for kind in (TETHER, SEAT))
-    if not 0.0 <= age <= rules.calibration_days:
-        return tether, seat, f"{age:.1f} days old"
-    if not (np.isfinite(tether).all() and np.isfinite(seat).all()):
-        return tether, seat, f"it tells no load at {TETHER} and {SEAT}"
-    return tether, seat, ""
+    return tether, seat, problem
 
 
 def _together(loads: np.ndarray, names: Sequence[str], kind: str) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -32,6 +33,8 @@ _ASKED: Mapping[Control, tuple[tuple[str, str], ...]] = {
 }
 _LONGEST = 1000
 _INTERRUPT = "\x03"
+_SPECIAL = re.compile(r"\x1b(?:\[[0-9;?]*[ -/]*[@-~]|O[ -~])")
+"""What a terminal sends for an arrow or a function key; F4 ends in a letter that starts a trial."""
 
 
 @dataclass
@@ -57,8 +60,8 @@ class Keys:
         return "" if self._asking is None else f"{self._asking.name[1]}: {self._asking.typed}"
 
     def typed(self, text: str) -> list[Told]:
-        """What these keys mean. Ctrl-C stops, Escape takes back what was begun."""
-        return [told for key in text if (told := self._key(key)) is not None]
+        """What these keys mean. Ctrl-C stops, Escape takes back what was begun; arrows and function keys do nothing."""
+        return [told for key in _SPECIAL.sub("", text) if (told := self._key(key)) is not None]
 
     def _key(self, key: str) -> Told | None:
         if key == _INTERRUPT:
@@ -123,7 +126,11 @@ class KeyReader:
 
             found = ""
             while msvcrt.kbhit() and len(found) < _LONGEST:
-                found += msvcrt.getwch()
+                key = msvcrt.getwch()
+                if key in "\x00\xe0" and msvcrt.kbhit():  # an arrow or a function key: a second letter names it
+                    msvcrt.getwch()
+                else:
+                    found += key
             return found
         import select
 

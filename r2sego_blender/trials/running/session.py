@@ -9,6 +9,7 @@ from typing import Protocol
 
 from ...core.errors import TrialError
 from ..calibration.calibration import Calibration
+from ..judging.judge import calibration_problem
 from ..line.decoding import Sample
 from ..line.self_test import LONGEST_S, SelfTest
 from ..line.simulated import DEVICE
@@ -128,7 +129,7 @@ class Session:
                 if heard.lost or self._stopping:
                     return False
                 test.add(heard.messages)
-            self._reasons = problems = test.problems
+            self._reasons = problems = (*test.problems, *self._calibration_problems())
             self._tested = again = not problems
             while not again and not self._stopping:
                 words = f"The self-test failed: {'; '.join(problems)}. Mend it, then go on to the next test."
@@ -137,6 +138,14 @@ class Session:
                     return False
                 again = any(told.control is Control.NEXT for told in acts)
         return not self._stopping
+
+    def _calibration_problems(self) -> list[str]:
+        """Why every trial would be unusable, told before anybody stands beside a robot for it."""
+        calibration, hello = self._calibration, self._connection.hello
+        if calibration is None or hello is None or not calibration.is_of(hello):  # the test tells another device
+            return []
+        problem = calibration_problem(calibration, hello.channels, self._clock.wall_ns() / 1e9, self.plan.rules)
+        return [f"calibration: {problem}"] if problem else []
 
     def _set_up(self, planned: PlannedTrial) -> bool:
         tether = "on" if self._is_tethered(planned) else "off"

@@ -137,6 +137,12 @@ def test_a_trial_without_its_whole_is_unusable(told, kind):
     assert judgement.outcome is Outcome.UNUSABLE and kind in kinds(judgement)
 
 
+def test_why_a_trial_was_called_off_before_it_began_is_told():
+    called_off = [dataclasses.replace(events()[-1], kind=EventKind.ABORTED, text="the wrong chair"), events()[-1]]
+    ((kind, text),) = judged(stream(), called_off).reasons
+    assert kind is Unusable.ABORTED and text.endswith("the wrong chair")
+
+
 def test_a_device_that_is_silent_as_the_trial_begins_is_unusable():
     told = [dataclasses.replace(event, time_ns=event.time_ns - 10**9 * (at == 0)) for at, event in enumerate(events())]
     judgement = judged(stream(loads=sits(4.0)), told)

@@ -1,5 +1,6 @@
 """Keys at a terminal become controls."""
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -28,6 +29,13 @@ def test_words_are_told_with_their_control():
 def test_what_was_begun_is_taken_back_and_ctrl_c_stops_within_it():
     assert meant("mab\x1bs") == [(Control.START, {})]
     assert meant("mab\x03") == [(Control.STOP, {})]
+
+
+@pytest.mark.parametrize("special", ["\x1b[A", "\x1bOA", "\x1bOQ", "\x1bOS", "\x1b[1;5S", "\x1b[3~", "\x1b[E"])
+def test_arrows_and_function_keys_do_nothing(special):
+    """Up ends in the letter that arms, F4 in the one that starts, F2 in the one that stops."""
+    assert meant(special) == []
+    assert meant(f"mthe {special}cable\r") == [(Control.NOTE, {"text": "the cable"})]
 
 
 @given(st.text(max_size=200))

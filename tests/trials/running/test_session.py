@@ -1,6 +1,7 @@
 """A whole plan runs by itself, and what was recorded says why each trial counts as it does."""
 
 import json
+from datetime import UTC, datetime, timedelta
 from types import SimpleNamespace
 
 import numpy as np
@@ -263,3 +264,18 @@ def test_a_device_that_only_greets_fails_its_test(tmp_path):
     Session(study, Connection(lambda: line, clock), calibration, operator, seen.append, clock).run()
     assert {live.state for live in seen} == {State.WAITING, State.SELF_TEST, State.FINISHED}
     assert RecordIndex(study).entries() == []
+
+
+@pytest.mark.parametrize("days", [31, -1])
+def test_a_calibration_that_would_make_every_trial_unusable_is_told_before_the_first(tmp_path, days):
+    _, study = freeze_plan(declared(tmp_path, "trials = 1"))
+    clock, seen = SimulatedClock(), []
+    calibration = simulated_calibration(datetime.now(UTC) - timedelta(days=days))
+    operator = SimpleNamespace(
+        acts=lambda live: [Told(Control.STOP, {})] if live.reasons or live.state is State.SET_UP else []
+    )
+    bench = SimulatedBench(clock)
+    Session(study, Connection(bench.open_line, clock), calibration, operator, seen.append, clock).run()
+    assert State.SET_UP not in {live.state for live in seen}
+    (reason,) = seen[-1].reasons
+    assert reason.startswith("calibration") and RecordIndex(study).entries() == []
