@@ -17,6 +17,7 @@ from ..core.progress import JsonProgress, Progress, TerminalProgress
 
 FOLDER = click.Path(file_okay=False, path_type=Path)
 ANY_PATH = click.Path(path_type=Path)
+NEW_FILE = click.Path(dir_okay=False, path_type=Path)
 FIRST_NOT_DONE = "the first that is not done, else the last"
 Result = TypeVar("Result")
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import os
 import shutil
 import sys
 import time
@@ -12,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ...core.errors import TrialError
-from ..options import ANY_PATH, FOLDER, Output, output_options, overrides_of
+from ..options import ANY_PATH, FOLDER, NEW_FILE, Output, output_options, overrides_of
 
 if TYPE_CHECKING:
     from ...trials.calibration.calibration import Calibration
@@ -35,7 +37,7 @@ def device_options(command: Callable) -> Callable:
 
 @click.command("calibrate")
 @device_options
-@click.option("--to", "file", type=ANY_PATH, required=True, metavar="FILE", help="Where the calibration goes.")
+@click.option("--to", "file", type=NEW_FILE, required=True, metavar="FILE", help="Where the calibration goes.")
 @click.option(
     "--weight",
     "weights",
@@ -62,6 +64,10 @@ def calibrate_device(
     given = [
         (name, _kilograms(value)) for one in weights for name, value in overrides_of((one,), "--weight A=KG").items()
     ]
+
+    _require_seconds(seconds)
+    if not os.access(file.parent, os.W_OK):  # told before a person has put on every weight
+        raise TrialError("no calibration can be written here", where=file, cure="Name a folder that you may write in.")
 
     def measure(words: str) -> tuple[Hello, Stream]:
         click.echo(f"{words} Then press Enter. ", err=True, nl=False)
@@ -121,6 +127,8 @@ def watch(url: str, adapter: str, baud: int | None, file: Path | None, seconds: 
     from ...trials.line.adapters import adapter_named
     from ...trials.line.listening import messages
 
+    if seconds is not None:
+        _require_seconds(seconds)
     calibration = Calibration.load(file) if file else None
     shown: _Watched | None = None
     ends_s = time.monotonic() + seconds if seconds is not None else None
@@ -164,6 +172,8 @@ class _Watched:
         if samples and now_s - self._told_s >= _SHOW_S:
             self._tell(samples[-1])
             self._told_s, self._told, self._samples = now_s, samples[-1], 0
+        elif self._damaged and self._told is None and not self._output.as_events:
+            click.echo(f"\rno samples  damaged {self._damaged}", nl=False)  # as at another rate, or of another kind
 
     def _tell(self, sample: Sample) -> None:
         import numpy as np
@@ -192,7 +202,7 @@ class _Watched:
 @click.argument("script", default="idle")
 @click.option("--seed", default=0, show_default=True, help="The same seed sends the same bytes.")
 @click.option("--rate", default=200, show_default=True, type=click.IntRange(1, 2000), help="Samples a second.")
-@click.option("--calibration", "file", type=ANY_PATH, metavar="FILE", help="Write its calibration there.")
+@click.option("--calibration", "file", type=NEW_FILE, metavar="FILE", help="Write its calibration there.")
 @click.option("--socket", is_flag=True, help="Behind a socket of this machine and not a terminal; on Windows always.")
 def simulate(script: str, seed: int, rate: int, file: Path | None, socket: bool) -> None:
     """Simulate a device that plays SCRIPT, until Ctrl-C: its URL is the first line.
@@ -240,6 +250,11 @@ def sketch(folder: Path) -> None:
 
 
 COMMANDS = (calibrate_device, self_test, watch, simulate, sketch)
+
+
+def _require_seconds(seconds: float) -> None:
+    if not 0.0 < seconds < math.inf:
+        raise TrialError(f"{seconds:g} seconds are no time", where="--seconds", cure="Give more than 0.")
 
 
 def _kilograms(text: str) -> float:

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from ...core.formatting import counted
-from ..options import ANY_PATH, FOLDER, Output, output_options
+from ..options import ANY_PATH, FOLDER, NEW_FILE, Output, output_options
 
 _STUDY = click.argument("study", type=FOLDER)
 
@@ -38,7 +38,7 @@ def plan_trials(declaration: Path, study: Path | None, output: Output) -> None:
 
 @click.command("page")
 @_STUDY
-@click.option("--to", "file", type=ANY_PATH, help="The page.  [default: plan.html in STUDY]")
+@click.option("--to", "file", type=NEW_FILE, help="The page.  [default: plan.html in STUDY]")
 @output_options("--json-progress")
 def print_page(study: Path, file: Path | None, output: Output) -> None:
     """Write STUDY's plan as one HTML page to print: rules, and a floor plan with the poses of each trial."""

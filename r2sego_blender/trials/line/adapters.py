@@ -66,6 +66,10 @@ _NEWTONS: Mapping[bytes, float] = {
 }
 _READING = re.compile(rb" *([+-]? ?\d{1,7}(?:\.\d{1,6})?) *(%s) *\r?" % b"|".join(_NEWTONS))
 _GAUGE_RANGE = (1 << 31) - 1
+
+GAUGE = "mark10"
+"""What a gauge is called in its hello: it answers when it is asked, and has no rate of its own."""
+
 _HELLO_NS = 1_000_000_000
 
 
@@ -96,7 +100,7 @@ class GaugeDecoder:
     """Readings with units, a line each; between two calls it keeps at most ``LONGEST_LINE`` + 1 bytes."""
 
     def __init__(self, channel: str) -> None:
-        self._hello = Hello(1, "mark10", "unknown", 0, 50.0, (Channel(channel, -_GAUGE_RANGE, _GAUGE_RANGE),))
+        self._hello = Hello(1, GAUGE, "unknown", 0, 50.0, (Channel(channel, -_GAUGE_RANGE, _GAUGE_RANGE),))
         self._rest = b""
         self._sequence = 0
         self._begun = False

@@ -38,12 +38,14 @@ def freeze_plan(declaration: str | Path, study_folder: str | Path | None = None)
     link leads out of the folder.
     """
     file = Path(declaration)
-    study = Path(study_folder) if study_folder else file.with_suffix(SUFFIX)
     declared = Declaration.load(file)
+    study = Path(study_folder) if study_folder else file.with_suffix(SUFFIX)
     require_own_files(study)
     if (study / BEGUN).exists() or RecordIndex(study).file.exists():
         cure = "End it with a reason (r2sego trials end) and plan a new study in another folder."
         raise TrialError("the plan of this study has begun", where=study, cure=cure)
+    if (study / ENDED).exists():
+        raise TrialError("this study was ended", where=study, cure="Plan a new one in another folder.")
     plan = drawn_plan(declared, file)
     try:
         study.mkdir(parents=True, exist_ok=True)

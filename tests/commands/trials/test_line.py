@@ -69,6 +69,26 @@ def test_a_calibration_without_a_person_is_refused(tmp_path):
     assert "heavy" in str(done.exception)
 
 
+@pytest.mark.parametrize("options", [["--to", "nowhere/a.json"], ["--to", "."], ["--to", "a.json", "--seconds", "nan"]])
+def test_what_would_come_of_no_calibration_is_told_before_a_weight_is_put_on(options, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = invoke("calibrate", "nothing://", "--weight", "seat=1", *options)
+    assert done.exit_code != 0 and "Press" not in done.output and "off all cells" not in done.output
+    assert isinstance(done.exception, TrialError | SystemExit)
+
+
+@pytest.mark.parametrize("seconds", ["nan", "inf", "-1"])
+def test_a_device_is_watched_for_a_time(seconds):
+    done = invoke("watch", "nothing://", "--seconds", seconds)
+    assert isinstance(done.exception, TrialError) and done.exception.where == "--seconds"
+
+
+def test_a_device_of_another_kind_is_watched_as_such():
+    with simulated_device("idle", 1, 200) as url:
+        done = invoke("watch", url, "--adapter", "mark10", "--seconds", 1)
+    assert done.exit_code == 0 and int(done.output.split()[-1]) > 10
+
+
 def test_the_self_test_passes_a_device_at_rest_alone(calibration):
     device = simulated_device("idle", 1, 200)
     with device as url:

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from r2sego_blender.trials.line.adapters import Mark10
 from r2sego_blender.trials.line.decoding import Sample
 from r2sego_blender.trials.line.self_test import SelfTest
 from r2sego_blender.trials.line.simulated import simulated_calibration
@@ -68,6 +69,14 @@ def test_what_is_wrong_is_named(given, names):
 def test_a_calibration_is_of_the_device_that_is_tested():
     assert wrong(samples(), hello=dataclasses.replace(HELLO, device="other")) == ["calibration"]
     assert wrong(samples(), hello=dataclasses.replace(HELLO, device="other"), calibration=None) == []
+
+
+@pytest.mark.parametrize(("rate_hz", "names"), [(24, ["rate"]), (26, []), (47, []), (110, [])])
+def test_a_gauge_that_is_asked_has_no_rate_of_its_own(rate_hz, names):
+    decoder = Mark10().decoder()
+    sent = [one for n in range(3 * rate_hz) for one in decoder.feed(b"0.2 N\r\n", round(n * 1e9 / rate_hz))]
+    hello = next(one for one in sent if isinstance(one, Hello))
+    assert wrong(sent, hello=hello, calibration=None) == names
 
 
 def test_a_device_whose_clock_stands_still_has_a_problem():

@@ -180,6 +180,19 @@ def test_a_plan_is_written_as_it_is_read(study):
     assert plan_bytes(TrialPlan.load(study)) == (study / "plan.json").read_bytes()
 
 
+def test_no_plan_is_drawn_for_a_study_that_was_ended(study):
+    end_study(study, "planned by mistake")
+    with pytest.raises(TrialError) as raised:
+        freeze_plan(study.parent / "sitting.toml", study)
+    assert str(study) in str(raised.value)
+
+
+def test_a_folder_is_no_declaration(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(TrialError):
+        freeze_plan(".")
+
+
 def test_a_study_is_ended_once_and_with_a_reason(study):
     plan = TrialPlan.load(study)
     begin_study(study, plan)
