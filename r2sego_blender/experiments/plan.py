@@ -76,6 +76,8 @@ def _camera_height(value: Any, _where: Path) -> str:
 
 
 def _arms(value: Any, _where: Path) -> tuple[str, ...]:
+    if not isinstance(value, list):
+        raise ValueError("Write a list.")
     names = tuple(dict.fromkeys(value))
     for name in names:
         if name not in ARMS:

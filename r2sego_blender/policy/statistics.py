@@ -81,14 +81,15 @@ def compare_pairs(first: Sequence[int], second: Sequence[int], episodes: int, se
             where="successes",
             cure="Give both arms' counts for the same two seeds or more.",
         )
+    counts = counts.astype(np.int64)  # truth values and unsigned ones have no differences
     rates = counts / episodes
-    apart = rates[1] - rates[0]
+    apart = (counts[1] - counts[0]) / episodes
     better, worse = int((apart > 0).sum()), int((apart < 0).sum())
     sign = [stats.binomtest(better, max(1, better + worse), alternative=side).pvalue for side in _SIDES]
     permuted = [
         stats.permutation_test(
-            (rates[1], rates[0]),
-            lambda one, other, axis: (one - other).mean(axis=axis),
+            (counts[1], counts[0]),  # whole numbers: of rates, sums that are equal would differ by rounding
+            lambda one, other, axis: (one - other).sum(axis=axis),
             permutation_type="samples",
             n_resamples=2**_EXACT_UP_TO,
             alternative=side,

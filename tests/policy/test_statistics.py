@@ -32,6 +32,12 @@ def test_the_papers_numbers_come_from_its_counts():
     assert found.least_two_sided_p == 0.0625
 
 
+def test_equal_sums_are_equal_whatever_the_episodes():
+    """14 and 3 of 18 against 10 and 7: two of the four flips of signs reach what is seen exactly, one more is above."""
+    found = compare_pairs((14, 3), (10, 7), 18)
+    assert found.permutation_greater == 0.75 and found.permutation_two_sided == 1.0 and found.difference == 0.0
+
+
 def test_five_pairs_are_told_that_they_cannot_show_it_two_sided_and_six_are_not():
     assert "impossible" in lines(compare_pairs(BASELINE, REFINED, 8), ("baseline", "refined"))[-1]
     six = lines(compare_pairs((*BASELINE, 0), (*REFINED, 8), 8), ("baseline", "refined"))

@@ -109,6 +109,8 @@ def judge(record: Path, outcome: str | None, by: str | None, because: str | None
     from ...trials.running.about import About
     from ...trials.running.judged_record import judged_record
 
+    if outcome is None and (by or because):
+        raise TrialError("nothing is judged by hand", where="r2sego trials judge", cure="Give --as OUTCOME too.")
     read = read_record(record)
     number, judgement = About.of(read).number, judged_record(read)
     if outcome is not None:

@@ -61,6 +61,7 @@ def test_a_judgement_by_hand_is_added_and_a_changed_file_is_seen(recorded):
     found = next(one for one in RecordIndex(recorded).entries() if one.number == entry.number)
     assert found.judgement.outcome is Outcome.FAILURE and found.sensors == entry.sensors
     assert r2sego("trials", "judge", file, "--as", "failure").exit_code == 1  # nobody's
+    assert r2sego("trials", "judge", file, "--by", "A. Person", "--because", "slid off").exit_code == 1  # as nothing
     whole = file.read_bytes()
     try:
         file.write_bytes(whole[:-9])
