@@ -12,7 +12,7 @@ import numpy as np
 
 from ...bundle.scene import Scene
 from ...config.settings import RolloutSettings
-from ...core.errors import SceneError
+from ...core.errors import AssetError, SceneError
 from ...geometry.collision.collision_files import SCENE_XML
 from ...robot.behaviours.trajectory import Seat
 from ...robot.controllers.student import head_mount
@@ -51,6 +51,8 @@ class TrainingScene:
         """
         declared = Scene.open(Path(bundle))
         file = Path(asset) if asset else declared.asset_file
+        if asset and not file.is_file():
+            raise AssetError("this visual asset is not there", where=file, cure="Check its path.")
         mjcf = declared.collision_folder / SCENE_XML
         for needed in (file, mjcf):
             if not needed.is_file():

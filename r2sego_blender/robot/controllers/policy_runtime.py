@@ -41,9 +41,8 @@ def content_of(path: Path) -> bytes:
     except ValueError as error:  # also a name that no file can have
         raise RobotError(f"this is no policy: {error}", where=path, cure="Give the policy's network alone.") from error
     except OSError as error:
-        raise RobotError(
-            "this policy cannot be read", where=path, cure="Check controller.file of the scope."
-        ) from error
+        cure = "Check its path: controller.file or .tracker of the scope, or --tracker."
+        raise RobotError("this policy cannot be read", where=path, cure=cure) from error
 
 
 def read_policy(path: str | Path) -> bytes:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from training_room import training_room
 
 from r2sego_blender.bundle.scene import Scene
+from r2sego_blender.core.errors import AssetError
 from r2sego_blender.policy.environment.training_scene import TrainingScene
 from r2sego_blender.robot.model.humanoid import humanoid_mjcf
 
@@ -26,3 +28,10 @@ def test_an_edited_scope_and_robot_are_read_again_and_nothing_else_is(tmp_path: 
     robot.write_text(humanoid_mjcf().replace("floating_base_joint", "floats"))
     third = TrainingScene.open(bundle, sits=True)
     assert third.robot.model.joint(0).name == "floats" != second.robot.model.joint(0).name
+
+
+def test_another_asset_that_is_not_there_is_named(tmp_path: Path):
+    bundle, gone = training_room(tmp_path / "room.r2s"), tmp_path / "baseline.ply"
+    with pytest.raises(AssetError) as raised:
+        TrainingScene.open(bundle, sits=True, asset=str(gone))
+    assert raised.value.where == str(gone)
