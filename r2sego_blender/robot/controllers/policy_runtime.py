@@ -41,7 +41,7 @@ def content_of(path: Path) -> bytes:
     except ValueError as error:  # also a name that no file can have
         raise RobotError(f"this is no policy: {error}", where=path, cure="Give the policy's network alone.") from error
     except OSError as error:
-        cure = "Check its path: controller.file or .tracker of the scope, or --tracker."
+        cure = "Check its path; a scope names it as controller.file or controller.tracker."
         raise RobotError("this policy cannot be read", where=path, cure=cure) from error
 
 

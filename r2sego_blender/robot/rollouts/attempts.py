@@ -69,7 +69,9 @@ class Attempts:
                 camera_poses=np.empty((0, 4, 4)),
                 seed=key,
                 controller=controller.name,
-                detail="no reachable place lies in the scope's ranges",
+                detail="no part of a motion fits the free floor or a seat"
+                if self.scope.controller.kind == "replay"
+                else "no reachable place lies in the scope's ranges",
             )
         done = simulate(controller.composition, drive, self._judge, self.scope.episode.camera_rate_hz)
         poses = robot.camera_poses(done.qpos, drive.mount)

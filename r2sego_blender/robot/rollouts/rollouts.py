@@ -32,6 +32,9 @@ _CURES = {
     Reason.PENETRATION: "Check the collision surface, or give a larger failures.penetration_m.",
     Reason.NON_FINITE: "Check the collision surface, or give a smaller rollouts.step_s.",
 }
+_UNPLACED_CURE = (
+    "Give a shorter episode.duration_s, of which a shorter part is drawn, other motions, or a larger region."
+)
 
 
 def successful_rollouts(
@@ -63,7 +66,7 @@ def successful_rollouts(
     tried.close()
     tell_warnings(attempts, progress)
     if task.done < settings.successes:
-        raise _too_few(attempts, task.done, settings, collision_mjcf)
+        raise _too_few(attempts, task.done, settings, scope, collision_mjcf)
     return tuple(attempts)
 
 
@@ -76,12 +79,13 @@ def tell_warnings(attempts: Sequence[Rollout], progress: Progress) -> None:
 
 
 def _too_few(
-    attempts: Sequence[Rollout], successes: int, settings: RolloutSettings, collision_mjcf: Path
+    attempts: Sequence[Rollout], successes: int, settings: RolloutSettings, scope: BehaviourScope, collision_mjcf: Path
 ) -> RobotError:
     reason, failed = next(iter(failed_by_reason(attempts).items()))
+    is_unplaced = reason == Reason.NO_GOAL and scope.controller.kind == "replay"
     return RobotError(
         f"only {successes} of {settings.successes} rollouts succeeded in {len(attempts)} attempts; "
         f"{len(failed)} failed by {reason} ({failed[0].detail})",
         where=collision_mjcf,
-        cure=_CURES[Reason(reason)],
+        cure=_UNPLACED_CURE if is_unplaced else _CURES[Reason(reason)],
     )

@@ -25,7 +25,8 @@ from r2sego_blender.robot.planning.free_floor import CELL_M, FreeFloor, free_flo
 from r2sego_blender.robot.planning.seats import find_seats
 from r2sego_blender.robot.rollouts.attempts import Attempts
 from r2sego_blender.robot.rollouts.rollout import Rollout
-from r2sego_blender.robot.scope.scope import Behaviours, BehaviourScope, Control, Episode, Failures
+from r2sego_blender.robot.rollouts.rollouts import successful_rollouts
+from r2sego_blender.robot.scope.scope import Behaviours, BehaviourScope, Control, Episode, Failures, Region
 
 SCOPE = BehaviourScope.load("walk_and_look")
 G1 = "g1/unitree_mujoco_g1/g1_29dof.xml"
@@ -235,6 +236,14 @@ def test_a_recorded_sitting_down_ends_on_the_scene_s_seat(humanoid, box_room, tm
         assert rollout.quality.seated_s >= 3.0
         assert rollout.behaviour == "sit"
         assert rollout.qpos[-1, 2] < motion.qpos[-1, 2] - 0.02
+
+
+def test_a_motion_that_fits_nowhere_is_told_as_such(humanoid, walk, box_room):
+    cramped = replace(replaying(walk[0]), region=Region(within=((0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.0, 0.5))))
+    with pytest.raises(RobotError) as raised:
+        successful_rollouts(humanoid, cramped, box_room(), RolloutSettings(max_attempts=2), seed=0)
+    assert "motion" in raised.value.what and "episode.duration_s" in raised.value.cure
+    assert "walk_to" not in str(raised.value)
 
 
 def test_what_cannot_be_replayed_is_refused(humanoid, walk, box_room, tmp_path):
