@@ -103,7 +103,11 @@ class Session:
 
     def _wait(self, planned: PlannedTrial) -> bool:
         while self._connection.hello is None and not self._stopping:
-            self._tick(planned, State.WAITING, self._connection.problem or "Plug in the device.")
+            silent = (
+                "The port is open; wait until the device says what it is, or see to its port, --baud and --adapter."
+            )
+            words = silent if self._connection.line is not None else "Plug in the device."
+            self._tick(planned, State.WAITING, self._connection.problem or words)
         if self._connection.hello is not None and any(one.simulated != self._is_simulated for one in self._entries):
             raise TrialError(
                 "simulated trials and real ones do not stand in one study",

@@ -266,6 +266,22 @@ def test_a_device_that_only_greets_fails_its_test(tmp_path):
     assert RecordIndex(study).entries() == []
 
 
+def test_a_port_from_which_nothing_can_be_read_is_not_told_to_be_plugged_in(tmp_path):
+    _, study = freeze_plan(declared(tmp_path, "trials = 1"))
+    clock, seen = SimulatedClock(), []
+
+    def read(timeout_s):
+        now_ns = clock.monotonic_ns()
+        return Received(b"" if now_ns // 10**7 % 2 else b"\xfe\x00\n", now_ns, clock.wall_ns())
+
+    wrong = SimpleNamespace(url="wrong:", adapter=AsciiStream(), read=read, close=lambda: None)
+    operator = SimpleNamespace(acts=lambda live: [Told(Control.STOP, {})] if len(seen) > 20 else [])
+    connection = Connection(lambda: wrong, clock)
+    Session(study, connection, simulated_calibration(), operator, seen.append, clock).run()
+    assert seen[0].next.startswith("Plug in") and "--baud" in seen[-2].next
+    assert {live.state for live in seen} == {State.WAITING, State.FINISHED}
+
+
 @pytest.mark.parametrize("days", [31, -1])
 def test_a_calibration_that_would_make_every_trial_unusable_is_told_before_the_first(tmp_path, days):
     _, study = freeze_plan(declared(tmp_path, "trials = 1"))
