@@ -35,7 +35,7 @@ _EVENTS = {
 
 
 class Trial:
-    """One trial, from when it is armed; ``state`` says where it stands, ``refused`` why a judgement is none.
+    """One trial, from when it is armed; ``state`` says where it stands, ``refused`` why what was told counts not.
 
     What is heard of the line is recorded from the ``rest`` of its line until shortly after the trial's end, what
     the operator tells until it is closed.
@@ -87,6 +87,9 @@ class Trial:
         elif control in (Control.ABORT, Control.STOP) and state in (State.ARMED, State.RUNNING):
             self._event(EventKind.ABORTED, told.text())
             self._end()
+        elif control is Control.ABORT:  # its reason was typed while the trial came to its end
+            self._event(EventKind.NOTE, told.text())
+            self.refused = "It had ended before it was called off: judge it by hand. Why stands in a note."
         elif control is Control.JUDGE and state is State.JUDGED and self.judgement is not None:
             self._judge_by_hand(self.judgement, told)
 
