@@ -2,9 +2,10 @@
 
 import bpy
 
-from .sidebar import Step, write_wrapped
+from .sidebar import Step, fitting_characters, wrapped, write_wrapped
 
 _UNKNOWN = "\u2013"
+_LABEL_SHARE = 0.4
 
 
 class R2SEGO_PT_report(Step, bpy.types.Panel):
@@ -18,7 +19,7 @@ class R2SEGO_PT_report(Step, bpy.types.Panel):
         layout = self.layout
         report = context.scene.r2sego_report
         if len(report.arms):
-            _table(layout, report.arms, report.has_lpips)
+            _table(context, layout, report.arms, report.has_lpips)
             if report.outdated:
                 layout.label(text="The asset changed since", icon="INFO")
         elif context.scene.r2sego.bundle:
@@ -41,7 +42,7 @@ class R2SEGO_PT_report_rounds(Step, bpy.types.Panel):
         return len(context.scene.r2sego_report.rounds) > 0
 
     def draw(self, context):
-        _table(self.layout, context.scene.r2sego_report.rounds, False)
+        _table(context, self.layout, context.scene.r2sego_report.rounds, False)
 
 
 class R2SEGO_PT_report_causes(Step, bpy.types.Panel):
@@ -61,38 +62,42 @@ class R2SEGO_PT_report_causes(Step, bpy.types.Panel):
         report = context.scene.r2sego_report
         if len(report.causes):
             column = self.layout.column(align=True)
-            _line(column, "", ("of error", "of pixels"), False)
+            _line(context, column, "", ("of error", "of pixels"), False)
             for cause in report.causes:
-                _line(column, cause.label, (_percent(cause.error), _percent(cause.pixels)), True)
+                _line(context, column, cause.label, (_percent(cause.error), _percent(cause.pixels)), True)
         write_wrapped(context, self.layout, report.mending, "INFO")
-        if report.causes_note:
-            row = self.layout.row()
-            row.active = False
-            row.label(text=report.causes_note)
+        _note(context, self.layout, report.causes_note)
 
 
-def _table(layout, scores, has_lpips):
+def _table(context, layout, scores, has_lpips):
     heads = ("PSNR", "SSIM", "LPIPS") if has_lpips else ("PSNR dB", "SSIM")
     column = layout.column(align=True)
-    _line(column, "", heads, False)
+    _line(context, column, "", heads, False)
     for score in scores:
         figures = (_figure(score.psnr, 2), _figure(score.ssim, 3), _figure(score.lpips, 3))
-        _line(column, score.label, figures[: len(heads)], True)
-        if score.note:
-            row = column.row()
-            row.active = False
-            row.label(text=score.note, icon="BLANK1")
+        _line(context, column, score.label, figures[: len(heads)], True)
+        _note(context, column, score.note, "BLANK1")
 
 
-def _line(column, label, cells, active):
-    split = column.split(factor=0.4)
+def _line(context, column, label, cells, active):
+    first, *further = wrapped(label, fitting_characters(context, _LABEL_SHARE)) or ("",)
+    split = column.split(factor=_LABEL_SHARE)
     split.active = active
-    split.label(text=label)
+    split.label(text=first)
     grid = split.grid_flow(row_major=True, columns=len(cells), even_columns=True, align=True)
     for cell in cells:
         place = grid.row()
         place.alignment = "RIGHT"
         place.label(text=cell)
+    for line in further:
+        column.label(text=line)
+
+
+def _note(context, layout, note, icon="NONE"):
+    if note:
+        column = layout.column()
+        column.active = False
+        write_wrapped(context, column, note, icon)
 
 
 def _figure(value, digits):

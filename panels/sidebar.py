@@ -6,7 +6,8 @@ from itertools import zip_longest
 
 import bpy
 
-_LABEL_SHARE = 0.38  # "Convex Pieces" fits
+_LABEL_SHARE = 0.38
+_LABEL_CHARACTERS = 13  # "Convex Pieces" fits in a side bar as Blender opens it
 _CHARACTER_PX = 8.2  # of Blender's interface font at scale 1, margins included
 
 
@@ -45,16 +46,16 @@ def fitting_characters(context, share):
 
 
 def write_facts(context, column, facts):
-    """Pairs of a label and a value as grey labels with the values beside them, wrapped."""
-    fitting = fitting_characters(context, 1.0 - _LABEL_SHARE)
-    for label, value in facts:
-        for line in wrapped(value, fitting):
+    """Pairs of a label and a value as grey labels with the values beside them, both wrapped."""
+    of_label, of_value = (fitting_characters(context, share) for share in (_LABEL_SHARE, 1.0 - _LABEL_SHARE))
+    fitting = max(_LABEL_CHARACTERS, of_label), of_value
+    for fact in facts:
+        for label, line in zip_longest(*map(wrapped, fact, fitting), fillvalue=""):
             row = column.split(factor=_LABEL_SHARE)
             name = row.row()
             name.active = False
             name.label(text=label)
             row.label(text=line)
-            label = ""  # further lines stand under the first
 
 
 def write_wrapped(context, layout, text, icon="NONE"):

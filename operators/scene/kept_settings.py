@@ -7,6 +7,7 @@ from ...r2sego_blender.bridge.engine.user_folder import user_folder
 from ...r2sego_blender.bridge.scene.settings_properties import overrides, show_settings
 from ...r2sego_blender.config.kept_settings import keep_settings, kept_settings, read_settings, remove_settings
 from ...r2sego_blender.config.presets import preset, with_overrides
+from ...r2sego_blender.core.errors import SettingsError
 from ..base import ReportingOperator
 
 _FOLDER = "settings"
@@ -16,6 +17,13 @@ _items: list[tuple[str, str, str]] = []  # Blender keeps no copy of an enumerati
 def _kept(operator, context):
     _items[:] = [(name, name, f"The settings kept as {name}") for name in kept_settings(user_folder(_FOLDER))]
     return _items
+
+
+def _chosen(operator) -> str:
+    """The name an operator is asked for. Raises SettingsError when none are kept."""
+    if not kept_settings(user_folder(_FOLDER)):
+        raise SettingsError("no settings are kept", cure="Keep some under a name first.")
+    return operator.name
 
 
 class R2SEGO_OT_keep_settings(ReportingOperator, bpy.types.Operator):
@@ -46,11 +54,11 @@ class R2SEGO_OT_load_settings(ReportingOperator, bpy.types.Operator):
     name: EnumProperty(name="Name", description="Which settings", items=_kept)
 
     def perform(self, context):
-        scene = context.scene.r2sego
-        chosen, changed = read_settings(user_folder(_FOLDER), self.name)
+        scene, name = context.scene.r2sego, _chosen(self)
+        chosen, changed = read_settings(user_folder(_FOLDER), name)
         scene.preset = chosen
         show_settings(scene.settings, changed, with_overrides(changed, preset(chosen)))
-        return f"Settings: {self.name}"
+        return f"Settings: {name}"
 
 
 class R2SEGO_OT_remove_settings(ReportingOperator, bpy.types.Operator):
@@ -63,5 +71,6 @@ class R2SEGO_OT_remove_settings(ReportingOperator, bpy.types.Operator):
     name: EnumProperty(name="Name", description="Which settings", items=_kept)
 
     def perform(self, context):
-        remove_settings(user_folder(_FOLDER), self.name)
-        return f"Removed {self.name}"
+        name = _chosen(self)  # Blender keeps its place in the list, where another stands afterwards
+        remove_settings(user_folder(_FOLDER), name)
+        return f"Removed {name}"

@@ -10,8 +10,10 @@ import bpy
 from r2sego_blender.bridge.proxy.object_masks import drawn_region
 from r2sego_blender.bridge.proxy.proxy_edits import faces_in_lasso, world_triangles
 from r2sego_blender.bridge.proxy.show_proxy import show_proxy
+from r2sego_blender.bridge.robot.scope_outline import outline_of
 from r2sego_blender.bridge.shared.simplified_viewport import draw_fewer_faces
 from r2sego_blender.core.cameras import Camera, look_at
+from r2sego_blender.core.errors import SceneError
 from r2sego_blender.splats.regions import in_polygon
 
 
@@ -50,6 +52,27 @@ def test_a_proxy_of_which_fewer_faces_are_drawn_is_read_whole(scene, bundle):
         assert len(world_triangles(proxy, depsgraph)[1]) == faces
         depsgraph.update()
         assert len(proxy.evaluated_get(depsgraph).data.polygons) < faces
+
+
+@pytest.mark.parametrize("hidden", ["object", "collection", "layer"])
+def test_what_blender_does_not_evaluate_is_refused_and_not_read_without_its_modifiers(scene, bundle, hidden):
+    collection = bpy.data.collections.new("drawn")
+    scene.collection.children.link(collection)
+    drawn = bpy.data.objects.new("drawn", show_proxy(scene, bundle, 0).data)
+    collection.objects.link(drawn)
+    drawn.modifiers.new("twice", "ARRAY").count = 2
+    faces = 2 * len(drawn.data.polygons)
+    assert len(world_triangles(drawn, bpy.context.evaluated_depsgraph_get())[1]) == faces
+    drawn.hide_set(True)
+    assert len(world_triangles(drawn, bpy.context.evaluated_depsgraph_get())[1]) == faces
+    if hidden == "layer":
+        bpy.context.view_layer.layer_collection.children["drawn"].exclude = True
+    else:
+        {"object": drawn, "collection": collection}[hidden].hide_viewport = True
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    for read in (world_triangles, outline_of):
+        with pytest.raises(SceneError, match="'drawn' .* Outliner"):
+            read(drawn, depsgraph)
 
 
 @pytest.mark.parametrize("parallel", [False, True])

@@ -122,11 +122,13 @@ def write_drawn(file: Path, drawn: bpy.types.Object, depsgraph: bpy.types.Depsgr
 
 
 def world_triangles(one: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (V, 3) float64 in the world and triangles (F, 3) int32 of an object, modifiers applied."""
+    """Vertices (V, 3) float64 in the world and triangles (F, 3) int32 of an object, modifiers applied.
+
+    Raises SceneError for one that Blender does not evaluate.
+    """
     if one.mode == "EDIT":
         one.update_from_editmode()
-    with every_face(one, depsgraph):
-        evaluated = one.evaluated_get(depsgraph)
+    with every_face(one, depsgraph) as evaluated:
         mesh = evaluated.to_mesh()
         try:
             vertices, triangles = arrays_from_mesh(mesh)

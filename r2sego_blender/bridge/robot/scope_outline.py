@@ -26,8 +26,7 @@ def outline_of(shown: bpy.types.Object | None, depsgraph: bpy.types.Depsgraph) -
             where=getattr(shown, "name", "no object"),
             cure="Select one that lies on the floor.",
         )
-    with every_face(shown, depsgraph):
-        evaluated = shown.evaluated_get(depsgraph)
+    with every_face(shown, depsgraph) as evaluated:
         mesh = evaluated.to_mesh()
         try:
             points, edges, uses = _arrays(mesh, np.array(shown.matrix_world, np.float64))

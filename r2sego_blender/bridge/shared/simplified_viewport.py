@@ -9,6 +9,7 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 
+from ...core.errors import SceneError
 from ...results.panels.frusta import VERTICES_PER_FRUSTUM
 from .engine_python import addon_preferences
 
@@ -95,15 +96,24 @@ def _modifier_anew(shown: bpy.types.Object, kind: str) -> bpy.types.Modifier | N
 
 
 @contextmanager
-def every_face(shown: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Iterator[None]:
-    """Within it the object is evaluated with all faces."""
+def every_face(shown: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Iterator[bpy.types.Object]:
+    """Within it the evaluated object, with all faces.
+
+    Raises SceneError for one that Blender does not evaluate: it would lack its modifiers and the place it
+    was moved to since.
+    """
+    if shown.evaluated_get(depsgraph) == shown:
+        raise SceneError(
+            f"'{shown.name}' is disabled in viewports, or excluded from this view layer",
+            cure="Show it and its collection in the Outliner.",
+        )
     modifier = shown.modifiers.get(_MODIFIER)
     if modifier is None:
-        yield
+        yield shown.evaluated_get(depsgraph)
         return
     modifier.show_viewport = False
     try:
         depsgraph.update()
-        yield
+        yield shown.evaluated_get(depsgraph)
     finally:
         modifier.show_viewport = True

@@ -20,14 +20,14 @@ def check_the_report():
 def check_the_scores_are_those_of_the_evaluation():
     open_bundle()
     arms = {arm.label: arm for arm in report().arms}
-    assert list(arms) == ["Refined", "vanilla 3DGS"]
+    assert list(arms) == ["Refined", "No generated views", "vanilla 3DGS"]
     refined = arms["Refined"]
     assert abs(refined.psnr - 25.1) < 1e-5 and abs(refined.lpips - 0.213) < 1e-6
     assert arms["vanilla 3DGS"].lpips is None and report().has_lpips
     rounds = report().rounds
     assert [one.label for one in rounds] == ["Round 0", "Round 1", "Round 2"]
     assert rounds[1].note == "0.30 dB below round 0" and rounds[2].psnr is None
-    (depth, edges) = report().causes
+    (depth, _, edges) = report().causes
     assert depth.label == "Wrong depth" and abs(depth.error - 0.41) < 1e-6 and edges.error is None
     assert report().causes_note == "the true room's mesh"
     assert report().mending == "Wrong depth: more photographs"
