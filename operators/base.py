@@ -58,9 +58,19 @@ def hint_if_hidden(context, one: bpy.types.Object) -> str:
     return "" if one.visible_get() else ". It is hidden: show its collection in the Outliner"
 
 
+def leave_mode(context) -> None:
+    """Leave Edit Mode, or another one, before another object becomes the active one: the object would stay
+    in it, where neither Tab nor a click reaches it."""
+    active = context.view_layer.objects.active
+    if active is not None and active.mode != "OBJECT" and bpy.ops.object.mode_set.poll():
+        bpy.ops.object.mode_set(mode="OBJECT")
+
+
 def select_only(context, one: bpy.types.Object) -> None:
     """Select one object, no others, and make it the active one. Raises SceneError for a hidden one."""
     require_visible(context, one)
+    if context.view_layer.objects.active != one:
+        leave_mode(context)
     for other in list(context.view_layer.objects.selected):
         other.select_set(False)
     one.select_set(True)

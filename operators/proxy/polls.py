@@ -5,7 +5,7 @@ import bpy
 from ...r2sego_blender.bridge.proxy.show_proxy import shown_proxy
 from ...r2sego_blender.core.errors import GeometryError
 from .. import state
-from ..base import needs_bundle, needs_round, require_visible
+from ..base import leave_mode, needs_bundle, needs_round, require_visible
 from .properties import active_object
 
 
@@ -39,6 +39,7 @@ def show_selection(context, shown: bpy.types.Object) -> None:
     """Enter Edit Mode, where one sees which faces are selected; without a window there is no need."""
     if bpy.app.background or context.window is None or not shown.visible_get():
         return
+    leave_mode(context)  # of the box
     context.view_layer.objects.active = shown
     context.tool_settings.mesh_select_mode = (False, False, True)
     bpy.ops.object.mode_set(mode="EDIT")

@@ -116,6 +116,26 @@ def check_a_line_of_the_list_selects_its_camera():
     assert [one.name for one in bpy.context.selected_objects] == ["capture_2"]
 
 
+def check_what_becomes_active_leaves_no_other_object_in_edit_mode():
+    open_bundle()
+    bpy.ops.r2sego.import_captures()
+    bpy.ops.r2sego.show_asset()
+    bpy.ops.mesh.primitive_plane_add()
+    edited = bpy.context.object
+    for number, choose in enumerate(
+        (
+            lambda: setattr(shown(), "active_capture", 1),
+            bpy.ops.r2sego.look_through_next,
+            bpy.ops.r2sego.place_frame,
+            bpy.ops.r2sego.add_splat_box,
+        )
+    ):
+        bpy.context.view_layer.objects.active = edited
+        bpy.ops.object.mode_set(mode="EDIT")
+        choose()
+        assert bpy.context.view_layer.objects.active != edited and edited.mode == "OBJECT", number
+
+
 def check_one_capture_after_the_other_is_looked_through():
     open_bundle()
     assert "Import" in refused(bpy.ops.r2sego.look_through_next)

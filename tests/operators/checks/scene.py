@@ -362,6 +362,23 @@ def check_settings_are_kept_under_a_name():
         raise AssertionError("removed settings were loaded")
 
 
+def check_removed_settings_are_told_by_their_name():
+    open_bundle()
+    for refusing in (bpy.ops.r2sego.load_settings, bpy.ops.r2sego.remove_settings):
+        assert "No settings are kept" in refused(refusing)
+    for name in ("first", "second"):
+        bpy.ops.r2sego.keep_settings(name=name)
+    removing = importlib.import_module(f"{MODULE}.operators.scene.kept_settings").R2SEGO_OT_remove_settings
+    perform, told = removing.perform, []
+    removing.perform = lambda asked, context: told.append(perform(asked, context)) or told[-1]
+    try:
+        for name in ("first", "second"):
+            assert bpy.ops.r2sego.remove_settings(name=name) == {"FINISHED"}
+    finally:
+        removing.perform = perform
+    assert told == ["Removed first", "Removed second"]
+
+
 def check_a_preset_tells_what_it_sets_below_the_field():
     """A field that the person left alone shows the default, whatever the preset says."""
     drawn = []
