@@ -1,12 +1,13 @@
 """Make a scene bundle from photographs."""
 
+import os
 from pathlib import Path
 
 import bpy
 from bpy.props import EnumProperty, FloatProperty, StringProperty
 
 from ...r2sego_blender.captures.poses.dropped_files import ARCHIVES, VIDEOS
-from ...r2sego_blender.core.errors import CaptureError, SceneError
+from ...r2sego_blender.core.errors import CaptureError, RobotError, SceneError
 from ...r2sego_blender.results.panels.bundle import SUFFIX, Bundle
 from ...r2sego_blender.results.panels.scene_choices import robot_choices, scope_choices
 from .. import state
@@ -124,11 +125,11 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
             "--json-progress",
             "--captures",
             str(self._photographs()),
-            "--robot",
-            self.robot,
-            "--scope",
-            self.scope,
         ]
+        for name in ("robot", "scope"):
+            if not (chosen := bpy.path.abspath(getattr(self, name))):
+                raise RobotError(f"no {name} is chosen", cure="Choose one in the side bar, or a file.")
+            command += [f"--{name}", chosen]
         if self.poses:
             command += ["--poses", bpy.path.abspath(self.poses)]
         if self.scale == "CAMERA_HEIGHT":
@@ -157,4 +158,6 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
         if not self.filepath:
             raise SceneError("no place for the bundle is chosen", cure=f"Name a folder ending in {SUFFIX}.")
         path = Path(bpy.path.abspath(self.filepath)).absolute()
+        if path.suffix != SUFFIX and self.filepath.endswith(("/", os.sep)):  # as from a file browser without a name
+            raise SceneError("this is a folder", where=path, cure=f"Name the bundle in it, such as room{SUFFIX}.")
         return path if path.suffix == SUFFIX else path.with_name(path.name + SUFFIX)

@@ -287,6 +287,16 @@ def check_a_new_scene_asks_the_engine():
     photograph = BUNDLE / "captures" / "images" / "capture_0.png"
     assert bpy.ops.r2sego.new_scene(filepath=str(BUNDLE), captures=str(photograph)) == {"FINISHED"}
     assert calls()[0][:5] == ["new", str(BUNDLE), "--json-progress", "--captures", str(photograph.parent)]
+    given = {"captures": photographs, "filepath": str(BUNDLE)}
+    assert "No robot is chosen" in refused(bpy.ops.r2sego.new_scene, **given, robot="")
+    assert "this is a folder" in refused(
+        bpy.ops.r2sego.new_scene, captures=photographs, filepath=f"{OUT.parent}{os.sep}"
+    )
+    bpy.ops.wm.save_as_mainfile(filepath=str(OUT.parent / "beside.blend"))
+    conduct("succeed")
+    assert bpy.ops.r2sego.new_scene(**given, robot="//g1.xml", scope="//sit.toml") == {"FINISHED"}
+    (made,) = calls()
+    assert made[made.index("--robot") + 1 :: 2][:2] == [str(OUT.parent / name) for name in ("g1.xml", "sit.toml")]
 
 
 def check_dropped_photographs_begin_a_scene():
