@@ -88,7 +88,7 @@ class R2SEGO_OT_move_wipe(ViewTool, ReportingOperator, bpy.types.Operator):
         self._before = self.factor = context.scene.r2sego_asset.wipe
 
     def on_event(self, context, event):
-        frame = camera_frame_px(context.scene, context.region, context.region_data)
+        frame = camera_frame_px(context)
         if event.type == "MOUSEMOVE" and frame is not None:
             left, _, width, _ = frame
             self.factor = min(1.0, max(0.0, (event.mouse_x - context.region.x - left) / width))

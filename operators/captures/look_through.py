@@ -3,9 +3,9 @@
 import bpy
 
 from ...r2sego_blender.bridge.captures.show_captures import capture_camera
+from ...r2sego_blender.bridge.shared import views_3d
 from ...r2sego_blender.bridge.shared.cameras import has_lens, use_frame_of
 from ...r2sego_blender.bridge.shared.preview_range import give_back
-from ...r2sego_blender.bridge.shared.views_3d import views_3d
 from .. import state
 from ..base import ReportingOperator
 
@@ -15,9 +15,9 @@ def look_through(context, camera):
     use_frame_of(camera, context.scene)
     give_back(context.scene)
     here = context.area if context.area is not None and context.area.type == "VIEW_3D" else None
-    area = here or next(views_3d(), None)
+    area = here or next(views_3d.views_3d(), None)
     if area is not None:
-        area.spaces.active.region_3d.view_perspective = "CAMERA"
+        views_3d.look_through(area, camera)
 
 
 def _chosen_camera(context):

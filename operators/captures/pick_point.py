@@ -6,6 +6,7 @@ from bpy.props import BoolProperty, FloatProperty, StringProperty
 from ...r2sego_blender.bridge.captures.show_captures import looked_through
 from ...r2sego_blender.bridge.shared.cameras import camera_of, has_lens
 from ...r2sego_blender.bridge.shared.scope_rays import is_over, mouse_ray
+from ...r2sego_blender.bridge.shared.views_3d import looks_through_scene_camera
 from ...r2sego_blender.core.errors import CaptureError, R2SEgoError
 from ...r2sego_blender.core.formatting import counted
 from ...r2sego_blender.results.panels.registration_pixels import next_name, pixel_of_ray
@@ -101,10 +102,9 @@ class R2SEGO_OT_pick_point(ViewTool, ReportingOperator, bpy.types.Operator):
         return f"Point {point.name} in {counted(len(point.views), 'capture')}{off}"
 
     def _looks_through_a_capture(self, context):
-        camera = context.scene.camera
         return (
-            context.region_data.view_perspective == "CAMERA"
-            and has_lens(camera)
+            looks_through_scene_camera(context)
+            and has_lens(context.scene.camera)
             and _looked_through(context) in context.scene.r2sego_captures.captures
         )
 

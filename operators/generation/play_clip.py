@@ -9,6 +9,7 @@ from ...r2sego_blender.bridge.generation.show_path import show_path
 from ...r2sego_blender.bridge.shared.cameras import use_frame_of
 from ...r2sego_blender.bridge.shared.clip_images import clip_image, play_in_editor, put_behind
 from ...r2sego_blender.bridge.shared.image_editors import show_image
+from ...r2sego_blender.bridge.shared.views_3d import look_through
 from ...r2sego_blender.core.errors import GenerationError
 from ...r2sego_blender.results.panels.view_parts import clip_files
 from ..base import ReportingOperator
@@ -45,7 +46,7 @@ class R2SEGO_OT_play_clip(OfOneView, ReportingOperator, bpy.types.Operator):
         if self.in_editor:
             show_image(image, partial(play_in_editor, frames=len(files), first_frame=_FIRST_FRAME))
         if context.area is not None and context.area.type == "VIEW_3D":
-            context.space_data.region_3d.view_perspective = "CAMERA"
+            look_through(context.area, camera)
         if not bpy.app.background and context.screen is not None and not context.screen.is_animation_playing:
             bpy.ops.screen.animation_play()
         return f"{name}: {len(files)} frames"

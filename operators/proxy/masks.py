@@ -186,7 +186,7 @@ class R2SEGO_OT_draw_mask(Drawing, ReportingOperator, bpy.types.Operator):
         return super().on_event(context, event)
 
     def _frame(self, context):
-        return camera_frame_px(context.scene, context.region, context.region_data)
+        return camera_frame_px(context)
 
 
 def _pixels(text: str) -> np.ndarray:

@@ -119,13 +119,7 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
     def arguments(self, context):
         if not self.captures:
             raise CaptureError("no folder of photographs and no video is chosen", cure="Choose one in the side bar.")
-        command = [
-            "new",
-            str(self._bundle_path()),
-            "--json-progress",
-            "--captures",
-            str(self._photographs()),
-        ]
+        command = ["new", str(self._bundle_path()), "--json-progress", "--captures", str(self._photographs())]
         for name in ("robot", "scope"):
             if not (chosen := bpy.path.abspath(getattr(self, name))):
                 raise RobotError(f"no {name} is chosen", cure="Choose one in the side bar, or a file.")

@@ -28,7 +28,7 @@ def _draw(context):
         return
     if not context.space_data.overlay.show_overlays:
         return
-    frame = camera_frame_px(context.scene, context.region, context.region_data)
+    frame = camera_frame_px(context)
     if frame is None:
         return
     scale = context.preferences.system.ui_scale

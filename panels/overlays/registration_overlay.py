@@ -7,6 +7,7 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from ...r2sego_blender.bridge.captures.show_captures import looked_through
 from ...r2sego_blender.bridge.shared.cameras import camera_of, has_lens
 from ...r2sego_blender.bridge.shared.moved_bundle import whole_path
+from ...r2sego_blender.bridge.shared.views_3d import looks_through_scene_camera
 from ...r2sego_blender.results.panels.registration_pixels import points_at
 from .flat_shapes import segments, write
 from .overlay import Overlay
@@ -44,7 +45,7 @@ def _draw(context):
 def _picked_here(context, shown):
     """Where points were picked in the photograph that is looked through, pixels of the region."""
     camera = context.scene.camera
-    if context.region_data.view_perspective != "CAMERA" or not has_lens(camera):
+    if not (looks_through_scene_camera(context) and has_lens(camera)):
         return {}
     name, lens = looked_through(context.scene, whole_path(context.scene.r2sego.bundle)), camera_of(camera)
     places = {}

@@ -57,7 +57,7 @@ def draw(context: bpy.types.Context) -> None:
     group = context.scene.r2sego_asset
     if not group.compare:
         return
-    frame = camera_frame_px(context.scene, context.region, context.region_data)
+    frame = camera_frame_px(context)
     if frame is None:
         return
     left, bottom, width, height = frame

@@ -71,7 +71,7 @@ def test_what_blender_does_not_evaluate_is_refused_and_not_read_without_its_modi
         {"object": drawn, "collection": collection}[hidden].hide_viewport = True
     depsgraph = bpy.context.evaluated_depsgraph_get()
     for read in (world_triangles, outline_of):
-        with pytest.raises(SceneError, match="'drawn' .* Outliner"):
+        with pytest.raises(SceneError, match="Outliner"):
             read(drawn, depsgraph)
 
 

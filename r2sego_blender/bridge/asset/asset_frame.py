@@ -5,16 +5,17 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+from ..shared.views_3d import looks_through_scene_camera
 
-def camera_frame_px(
-    scene: bpy.types.Scene, region: bpy.types.Region, view: bpy.types.RegionView3D
-) -> tuple[float, float, float, float] | None:
-    """Left, bottom, width and height of the camera's frame, pixels of the region.
 
-    None where the view does not look through the scene's camera.
+def camera_frame_px(context: bpy.types.Context) -> tuple[float, float, float, float] | None:
+    """Left, bottom, width and height of the camera's frame, pixels of the context's region.
+
+    None where its view does not look through the scene's camera.
     """
+    scene, region, view = context.scene, context.region, context.region_data
     camera = scene.camera
-    if camera is None or camera.type != "CAMERA" or view.view_perspective != "CAMERA":
+    if not looks_through_scene_camera(context) or camera.type != "CAMERA":
         return None
     corners = np.ones((4, 4))
     corners[:, :3] = camera.data.view_frame(scene=scene)

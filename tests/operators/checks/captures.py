@@ -152,6 +152,26 @@ def check_one_capture_after_the_other_is_looked_through():
     assert bpy.context.scene.camera.name == "capture_1"
 
 
+def check_a_view_with_a_camera_of_its_own_looks_through_the_capture_too():
+    """As one in Local View does, which keeps its camera of before."""
+    open_bundle()
+    bpy.ops.r2sego.import_captures()
+    area = next(area for area in bpy.context.screen.areas if area.type == "VIEW_3D")
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    looks_through = importlib.import_module(
+        f"{MODULE}.r2sego_blender.bridge.shared.views_3d"
+    ).looks_through_scene_camera
+    view = area.spaces.active
+    view.use_local_camera, view.camera = True, bpy.data.objects["capture_0"]
+    with bpy.context.temp_override(area=area, region=region):
+        assert bpy.ops.r2sego.look_through_next() == {"FINISHED"}
+        assert view.camera == bpy.context.scene.camera == bpy.data.objects["capture_1"]
+        assert looks_through(bpy.context)
+        view.use_local_camera, view.camera = True, bpy.data.objects["capture_0"]
+        assert not looks_through(bpy.context)
+    view.use_local_camera = False
+
+
 def check_a_bundle_written_with_a_slash_at_its_end_is_the_same():
     open_bundle()
     bpy.ops.r2sego.import_captures()
