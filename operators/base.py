@@ -11,7 +11,17 @@ from . import job, state
 
 
 def needs_bundle(cls, context) -> bool:
-    """Poll of operators that need an open bundle."""
+    """Poll of operators that need an open bundle, one that could be read when it was last looked at."""
+    if not names_bundle(cls, context):
+        return False
+    if not context.scene.r2sego.is_read:
+        cls.poll_message_set(f"{context.scene.r2sego.problem} Then press Refresh")
+        return False
+    return True
+
+
+def names_bundle(cls, context) -> bool:
+    """Poll of operators for which it is enough that a bundle was opened."""
     if not context.scene.r2sego.bundle:
         cls.poll_message_set("Open a scene first: press New or Open under Scene")
         return False

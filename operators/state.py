@@ -65,12 +65,18 @@ class Line:
 class SceneFacts:
     """What of a bundle the whole tab goes by."""
 
-    lines: tuple[Line, ...] = ()
     rounds_begun: int = 0
     rounds_done: int = 0
     rounds_declared: int = 0
     has_collision: bool = False
     has_report: bool = False
+
+
+@dataclass(frozen=True)
+class SceneLines:
+    """What the sub-panels tell of a bundle first, apart from what buttons go by: scores among it may be damaged."""
+
+    lines: tuple[Line, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -130,6 +136,12 @@ class R2SEGO_PG_scene(bpy.types.PropertyGroup):
         """Every line of the open bundle."""
         kept = panel_facts.kept_of(self.id_data).values()
         return [line for one in kept for line in getattr(one.facts, "lines", ())]
+
+    @property
+    def is_read(self) -> bool:
+        """Whether the bundle was found when it was read last, whatever of it is damaged."""
+        kept = panel_facts.kept_of(self.id_data)
+        return SceneFacts in kept or not self.problem
 
     @property
     def problem(self) -> str:
@@ -316,13 +328,16 @@ def _was_moved(scene: bpy.types.Scene, before: str, bundle: Bundle) -> bool:
 
 def _read_facts(_scene: bpy.types.Scene, bundle: Bundle) -> SceneFacts:
     return SceneFacts(
-        tuple(Line(*fact) for fact in _facts(bundle)),
         bundle.rounds(),
         bundle.scene.rounds_done(),
         bundle.scene.declaration.settings.rounds,
         bundle.collision_mesh.is_file(),
         bundle.report_page.is_file(),
     )
+
+
+def _read_lines(_scene: bpy.types.Scene, bundle: Bundle) -> SceneLines:
+    return SceneLines(tuple(Line(*fact) for fact in _facts(bundle)))
 
 
 def _facts(bundle: Bundle) -> Iterator[tuple[str, str, str]]:
@@ -377,7 +392,7 @@ def register() -> None:
     bpy.types.Scene.r2sego = PointerProperty(type=R2SEGO_PG_scene)
     bpy.types.WindowManager.r2sego_job = PointerProperty(type=R2SEGO_PG_job)
     setattr(bpy.types.WindowManager, panel_facts.ROWS, CollectionProperty(type=R2SEGO_PG_row))
-    readers[SceneFacts] = Reader(_read_facts)
+    readers[SceneFacts], readers[SceneLines] = Reader(_read_facts), Reader(_read_lines)
     for handlers, handler in _HANDLERS:
         handlers.append(handler)
     if not bpy.app.background:  # where timers do not run; bundles may be open already
@@ -390,7 +405,7 @@ def unregister() -> None:
         bpy.app.timers.unregister(_undone)
     for handlers, handler in reversed(_HANDLERS):
         handlers.remove(handler)
-    del readers[SceneFacts]
+    del readers[SceneLines], readers[SceneFacts]
     panel_facts.forget_all()
     delattr(bpy.types.WindowManager, panel_facts.ROWS)
     del bpy.types.WindowManager.r2sego_job

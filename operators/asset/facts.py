@@ -8,6 +8,7 @@ import bpy
 
 from ...r2sego_blender.bridge.shared.panel_facts import Facts
 from ...r2sego_blender.bundle.asset_stages import FINAL, INITIAL, stages
+from ...r2sego_blender.core.errors import R2SEgoError
 from ...r2sego_blender.results.panels.bundle import Bundle
 from ...r2sego_blender.results.panels.file_stamps import when_written
 from ...r2sego_blender.results.panels.report_scores import ARM_LABELS, not_scored
@@ -49,7 +50,7 @@ class AssetFacts:
 
 
 def read(_scene: bpy.types.Scene, bundle: Bundle) -> AssetFacts:
-    """The assets, with their scores as last evaluated. Raises R2SEgoError naming a damaged file."""
+    """The assets, with their scores as last evaluated. Raises R2SEgoError naming a damaged asset or deletion."""
     listed = Facts(
         ListedStage(one.name, one.label, one.target, vertex_count(one.file), when_written(one.file))
         for one in stages(bundle.scene)
@@ -65,8 +66,11 @@ def _edit(name: str, regions: Any) -> ListedEdit:
 
 
 def _lines(bundle: Bundle, listed: Facts) -> Iterator[tuple[str, str]]:
-    metrics = bundle.metrics()
-    scores, changed = _scores(metrics), not_scored(bundle, metrics)
+    try:
+        metrics = bundle.metrics()
+        scores, changed = _scores(metrics), not_scored(bundle, metrics)
+    except (R2SEgoError, AttributeError, KeyError, TypeError, ValueError):  # Report tells it
+        scores, changed = {}, frozenset()
     for stage in listed:
         told = _count(stage.gaussians)
         score = scores.pop(stage.name, None)
@@ -81,8 +85,9 @@ def _lines(bundle: Bundle, listed: Facts) -> Iterator[tuple[str, str]]:
 def _scores(metrics: Mapping[str, Any]) -> dict[str, float | None]:
     """The PSNR of each stage and of other assets on frozen views, by name, as last evaluated."""
     names = ARM_LABELS | {"initial": INITIAL, "refined": FINAL}
-    scores = {names.get(name, name): arm["psnr"] for name, arm in (metrics.get("arms") or {}).items()}
-    return scores | {str(one["round"]): one["psnr"] for one in metrics.get("rounds") or ()}
+    told = {names.get(name, name): arm["psnr"] for name, arm in (metrics.get("arms") or {}).items()}
+    told |= {str(one["round"]): one["psnr"] for one in metrics.get("rounds") or ()}
+    return {name: None if psnr is None else float(psnr) for name, psnr in told.items()}
 
 
 def _count(gaussians: int) -> str:

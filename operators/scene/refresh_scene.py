@@ -3,7 +3,7 @@
 import bpy
 
 from .. import state
-from ..base import ReportingOperator, needs_bundle
+from ..base import ReportingOperator, names_bundle
 
 
 class R2SEGO_OT_refresh_scene(ReportingOperator, bpy.types.Operator):
@@ -15,7 +15,7 @@ class R2SEGO_OT_refresh_scene(ReportingOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return needs_bundle(cls, context)
+        return names_bundle(cls, context)
 
     def perform(self, context):
         state.refresh(context.scene)

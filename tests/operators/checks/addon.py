@@ -111,6 +111,12 @@ def check_a_bundle_that_is_gone_is_told_in_one_sentence():
     bpy.ops.wm.read_homefile(use_empty=True)
     bpy.ops.wm.open_mainfile(filepath=str(blend))
     assert state().problem == f"{copy}: {sentence}", state().problem
+    for name in ("show_proxy", "open_report", "show_rollout", "evaluate", "refine"):  # none says: run Refine first
+        assert f"{sentence} Then press Refresh" in refused(getattr(bpy.ops.r2sego, name)), name
+    away.rename(copy)
+    assert bpy.ops.r2sego.refresh_scene() == {"FINISHED"}
+    assert state().problem == "" and bpy.ops.r2sego.show_proxy() == {"FINISHED"}
+    copy.rename(away)
     assert bpy.ops.r2sego.open_scene(directory=str(away)) == {"FINISHED"}
     assert state().problem == "" and bpy.ops.r2sego.show_asset() == {"FINISHED"}
 
@@ -225,3 +231,9 @@ def check_what_is_damaged_is_told_and_all_else_is_read():
     assert scene.r2sego_views.candidates == 0
     assert scene.r2sego_report.summary == ""
     assert len(scene.r2sego_robot.attempts) == 4
+    state().round_index = 1
+    for damage in ("{", '{"arms": {"refined": {}}}', '{"arms": {"refined": {"psnr": "much"}}}'):
+        (copy / "report/metrics.json").write_text(damage)
+        bpy.ops.r2sego.refresh_scene()
+        for name in ("show_proxy", "show_candidates", "show_asset", "show_collision"):
+            assert getattr(bpy.ops.r2sego, name)() == {"FINISHED"}, (name, damage)
