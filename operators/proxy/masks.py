@@ -191,7 +191,10 @@ class R2SEGO_OT_draw_mask(Drawing, ReportingOperator, bpy.types.Operator):
 
 def _pixels(text: str) -> np.ndarray:
     try:
-        return np.array([pair.split(",") for pair in text.split()], np.float64).reshape(-1, 2)
+        points = np.array([pair.split(",") for pair in text.split()], np.float64).reshape(-1, 2)
+        if not np.isfinite(points).all():
+            raise ValueError("a number is none")
+        return points
     except ValueError as error:
         raise GeometryError(f"'{text}' are no points", cure="Give them as x,y x,y x,y.") from error
 

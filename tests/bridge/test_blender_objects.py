@@ -66,6 +66,15 @@ def test_a_camera_comes_back_from_its_object(scene, index):
     assert (back.width, back.height, back.fx, back.cy) == (camera.width, camera.height, camera.fx, camera.cy)
 
 
+def test_a_cameras_scale_does_not_count(scene):
+    camera = fake_bundle.cameras()[0]
+    created = create_camera("scaled", camera)
+    scene.collection.objects.link(created)
+    created.scale = (2.0, 2.0, 0.5)  # how large it is drawn
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(camera_of(created).world_from_camera, camera.world_from_camera, atol=1e-6)
+
+
 def test_a_camera_without_a_lens_is_refused(scene):
     with pytest.raises(SceneError, match="lens"):
         camera_of(bpy.data.objects.new("plain", bpy.data.cameras.new("plain")))

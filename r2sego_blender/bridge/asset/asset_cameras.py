@@ -5,9 +5,9 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ...core.cameras import Camera
+from ...core.cameras import Camera, is_rigid
 from ...core.errors import SceneError
-from ..shared.cameras import camera_of, has_lens
+from ..shared.cameras import camera_of, has_lens, rigid
 
 _OPENCV_FROM_BLENDER = np.diag([1.0, -1.0, -1.0, 1.0])
 
@@ -15,8 +15,14 @@ _OPENCV_FROM_BLENDER = np.diag([1.0, -1.0, -1.0, 1.0])
 def exact_camera(camera_object: bpy.types.Object, scene: bpy.types.Scene) -> Camera:
     """What a camera object sees: by its own lens in pixels, else by Blender's and the scene's size.
 
-    Raises SceneError for a camera that is no pinhole.
+    Raises SceneError for a camera that is no pinhole, and for one that is mirrored or skewed.
     """
+    if camera_object is not None and not is_rigid(rigid(np.array(camera_object.matrix_world))):
+        raise SceneError(
+            "this camera is mirrored or skewed",
+            where=camera_object.name,
+            cure="Clear its scale with Alt S, and that of its parents.",
+        )
     if has_lens(camera_object):
         return camera_of(camera_object)
     if camera_object is None or camera_object.type != "CAMERA" or camera_object.data.type != "PERSP":
@@ -67,10 +73,3 @@ def view_camera(view_matrix: np.ndarray, window_matrix: np.ndarray, width: int, 
         rigid(np.linalg.inv(np.asarray(view_matrix, np.float64))) @ _OPENCV_FROM_BLENDER,
     )
     return camera, parallel
-
-
-def rigid(pose: np.ndarray) -> np.ndarray:
-    """A pose (4, 4) without its scale."""
-    pose = np.array(pose, np.float64)
-    pose[:3, :3] /= np.linalg.norm(pose[:3, :3], axis=0)
-    return pose

@@ -67,8 +67,15 @@ def camera_of(camera_object: bpy.types.Object) -> Camera:
             cure="Choose a camera that Import Captures or Show Candidates made.",
         )
     width, height, fx, fy, cx, cy = camera_object.data[_LENS_KEY]
-    pose = np.array(camera_object.matrix_world, np.float64) @ _BLENDER_FROM_OPENCV
+    pose = rigid(np.array(camera_object.matrix_world)) @ _BLENDER_FROM_OPENCV
     return Camera(int(width), int(height), fx, fy, cx, cy, pose)
+
+
+def rigid(pose: np.ndarray) -> np.ndarray:
+    """A pose (4, 4) without its scale, which Blender's cameras do not heed."""
+    pose = np.array(pose, np.float64)
+    pose[:3, :3] /= np.maximum(np.linalg.norm(pose[:3, :3], axis=0), 1e-12)
+    return pose
 
 
 def use_frame_of(camera_object: bpy.types.Object, scene: bpy.types.Scene) -> None:

@@ -77,6 +77,10 @@ def check_any_perspective_camera_is_a_pinhole_in_pixels():
         x, y, _ = world_to_camera_view(scene, own, point)
         np.testing.assert_allclose(camera["fx"] * local[0] / local[2] + camera["cx"], x * size[0], atol=1e-2)
         np.testing.assert_allclose(camera["fy"] * local[1] / local[2] + camera["cy"], (1 - y) * size[1], atol=1e-2)
+    for scale in ((-1.0, 1.0, 1.0), (0.0, 0.0, 0.0)):
+        own.scale = scale
+        assert "own: this camera is mirrored or skewed" in refused(bpy.ops.r2sego.render_asset, camera="own")
+    own.scale = (1.0, 1.0, 1.0)
     data.type = "ORTHO"
     assert "no perspective camera" in refused(bpy.ops.r2sego.render_asset, camera="own")
 

@@ -75,6 +75,12 @@ def check_masks_are_drawn_loaded_and_declared():
     assert "crate" not in group().objects and "crate in capture_0" not in bpy.data.images
 
 
+def check_points_that_are_no_numbers_are_refused():
+    open_bundle()
+    for points in ("nan,1 2,3 4,5", "1,2 3", "inf,1 2,3 4,5"):
+        assert "are no points" in refused(bpy.ops.r2sego.draw_mask, capture="capture_0", points=points), points
+
+
 def check_what_is_declared_stays_the_chosen_object():
     copy = copied_bundle()
     bpy.ops.r2sego.new_object(name="armchair")
