@@ -4,6 +4,7 @@ import bpy
 from bpy.props import StringProperty
 
 from ...r2sego_blender.bridge.proxy.proxy_edits import write_cut, write_drawn
+from ...r2sego_blender.bridge.proxy.show_proxy import shown_proxies
 from ...r2sego_blender.core.errors import GeometryError
 from .. import state
 from ..base import EngineOperator, needs_bundle, needs_idle_engine
@@ -69,6 +70,8 @@ class R2SEGO_OT_draw_proxy_surface(_Edit, bpy.types.Operator):
         drawn = bpy.data.objects.get(self.object_name) if self.object_name else context.view_layer.objects.active
         if drawn is None or drawn.type != "MESH":
             raise GeometryError("no mesh object is chosen", cure="Select the surface you drew.")
+        if drawn in shown_proxies():  # which is the active one after a lasso
+            raise GeometryError("this is the shown proxy itself", where=drawn.name, cure="Select the surface you drew.")
         file = handed_over("surface.npz")
         write_drawn(file, drawn, context.evaluated_depsgraph_get())
         return ["--draw", str(file), "--name", self.name or drawn.name]

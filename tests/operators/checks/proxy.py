@@ -276,6 +276,8 @@ def check_a_drawn_surface_goes_to_the_engine_as_it_lies_in_the_world():
     cross = np.cross(b - a, c - a)
     assert abs(np.linalg.norm(cross, axis=1).sum() / 2 - 2.0) < 1e-5 and (cross[:, 2] > 0).all(), cross
     assert "No mesh object" in refused(bpy.ops.r2sego.draw_proxy_surface, object_name="nothing")
+    (proxy,) = (one.name for one in bpy.data.objects if one.name.startswith("Proxy"))
+    assert "the shown proxy itself" in refused(bpy.ops.r2sego.draw_proxy_surface, object_name=proxy)
     shelf.name = "\u68da"
     conduct("succeed")
     assert bpy.ops.r2sego.draw_proxy_surface(object_name=shelf.name) == {"FINISHED"}
