@@ -16,7 +16,7 @@ from ..bundle.artifacts import Artifact
 from ..core.arrays import opened_arrays, require_between, require_shapes, save_arrays
 from ..core.errors import CaptureError
 
-_FARTHEST = 1e9
+FARTHEST_M = 1e9
 """Of a point from the origin, metres: where the rays to it are all but parallel it may lie far off."""
 
 
@@ -72,8 +72,8 @@ class SparsePoints:
         with opened_arrays(path, CaptureError, "these are no sparse points", cure) as data:
             arrays = {field.name: data[field.name] for field in fields(SparsePoints)}
             require_shapes(arrays, points="P 3", colours="P 3", visibility="P N", error_px="P", pixels="P N 2")
-            require_between(-_FARTHEST, _FARTHEST, points=arrays["points"])
-            require_between(0.0, _FARTHEST, error_px=arrays["error_px"])
+            require_between(-FARTHEST_M, FARTHEST_M, points=arrays["points"])
+            require_between(0.0, FARTHEST_M, error_px=arrays["error_px"])
             if arrays["visibility"].dtype != np.bool_ or arrays["colours"].dtype != np.uint8:
                 raise ValueError("visibility or colours are of another kind")
             places = arrays["pixels"][..., 0] + arrays["pixels"][..., 1]

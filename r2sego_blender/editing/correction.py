@@ -22,7 +22,7 @@ from ..captures.frame.picks_fit import PicksFit, fit_picks
 from ..captures.frame.scale import Scale
 from ..captures.frame.world_frame import Registration, corrected
 from ..captures.sensors.sensor_maps import SENSOR_DEPTH
-from ..captures.sparse_points import SPARSE, SparsePoints
+from ..captures.sparse_points import FARTHEST_M, SPARSE, SparsePoints
 from ..captures.store import CAPTURES, save_captures
 from ..core.digests import content_digest
 from ..core.errors import CaptureError
@@ -153,6 +153,15 @@ def _moved(
     history = corrections_of(scene.path)
     last = history.pop() if taken_back else {}
     number = len(history)
+    points = sparse.transformed(similarity)
+    moved = [capture.transformed(similarity) for capture in captures]
+    farthest = max(
+        float(np.abs(each).max(initial=0.0)) for each in (points.points, *(one.camera.centre for one in moved))
+    )
+    if not farthest <= FARTHEST_M:
+        raise CaptureError(
+            f"a point would lie {farthest:.0e} m away", where="the new scale", cure="Give the scale of a room."
+        )
     # Read before anything is written: what is damaged is named by its place in the scene.
     scene.read(OBJECTS).of(captures)
     scene.read(PROXY_EDITS)
@@ -164,11 +173,10 @@ def _moved(
         with new.publishing(layout.CAPTURES) as folder:
             # What others keep there, such as masks, does not depend on the frame.
             shutil.copytree(scene.captures_folder, folder, dirs_exist_ok=True)
-            moved = [capture.transformed(similarity) for capture in captures]
             measured = scene.read(SENSOR_DEPTH)
             found = {capture.name: measured.found(captures, index) for index, capture in enumerate(captures)}
             of_sensor = {name: one.transformed(similarity) for name, one in found.items() if one is not None}
-            save_captures(folder, moved, sparse.transformed(similarity), of_sensor)
+            save_captures(folder, moved, points, of_sensor)
         for edited in layout.EDITED:
             if (scene.path / edited).is_dir():
                 shutil.copytree(scene.path / edited, new.path / edited)

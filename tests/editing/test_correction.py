@@ -362,6 +362,13 @@ def test_what_is_no_frame_is_refused(tmp_path, frame, message):
         correct_to_frame(scene, frame)
 
 
+def test_a_scale_that_no_room_has_is_refused_and_changes_nothing(tmp_path):
+    scene, _, cameras = wrong_scene(tmp_path, np.eye(4))
+    with pytest.raises(CaptureError, match="scale"):
+        correct_to_frame(scene, np.diag([1e-12, 1e-12, 1e-12, 1.0]))
+    assert_true(Scene.open(scene.path), cameras)
+
+
 def test_the_robots_region_goes_along_and_comes_back(tmp_path):
     scene, turn, cameras = wrong_scene(tmp_path, wrong_similarity(6, scale=0.5))
     region = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
