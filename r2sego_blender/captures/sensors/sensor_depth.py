@@ -147,8 +147,10 @@ def _values(path: Path) -> np.ndarray:
         values = _read_exr(path)
     else:
         values = _read_image(path)
-    if values.ndim == 3 and values.shape[2]:
-        values = values[..., 0]
+    if values.ndim == 3 and values.shape[0] == 1:  # as networks return them
+        values = values[0]
+    if values.ndim == 3 and values.shape[2] and values.dtype.kind in "uif":
+        values = _of_equal_channels(values, path)
     if values.ndim != 2 or 0 in values.shape or values.dtype.kind not in "uif":
         raise _unreadable(path, f"it holds {values.dtype} of shape {values.shape}")
     return values
@@ -158,7 +160,16 @@ def _read_image(path: Path) -> np.ndarray:
     image = stored_values(path)
     if image is None:
         raise _unreadable(path, "it is no image")
-    return image[..., 0] if image.ndim == 3 else image
+    return _of_equal_channels(image, path) if image.ndim == 3 else image
+
+
+def _of_equal_channels(values: np.ndarray, path: Path) -> np.ndarray:
+    """The one channel (h, w) that an array (h, w, c) has, or has as three colours; what else it has is not depth."""
+    first = values[..., 0]
+    colours = values[..., :3] if values.shape[2] >= 3 else values[..., :1]
+    if not all(np.array_equal(colours[..., i], first, equal_nan=True) for i in range(colours.shape[2])):
+        raise _unreadable(path, "its channels differ, as those of a coloured picture of depth")
+    return first
 
 
 def _read_arrays(path: Path) -> np.ndarray:

@@ -10,7 +10,7 @@ import OpenEXR
 import pytest
 
 from r2sego_blender.captures.capture import Capture
-from r2sego_blender.captures.sensors.sensor_depth import SensorDepth
+from r2sego_blender.captures.sensors.sensor_depth import SensorDepth, map_in_own_unit
 from r2sego_blender.core.cameras import Camera
 from r2sego_blender.core.errors import CaptureError
 from r2sego_blender.core.resources import forget_peak_memory, peak_memory_mb
@@ -92,3 +92,30 @@ def test_a_suffix_may_be_in_capitals(tmp_path, capture, suffix):
     _write(tmp_path / f"c{suffix.lower()}", values)
     (tmp_path / f"c{suffix.lower()}").rename(tmp_path / f"c{suffix}")
     np.testing.assert_array_equal(SensorDepth(tmp_path).of(capture, "c"), values)
+
+
+def _slope():
+    return np.linspace(1.0, 2.0, 24 * 32, dtype=np.float32).reshape(24, 32)
+
+
+@pytest.mark.parametrize("values", [_slope()[None], _slope()[..., None], np.stack([_slope()] * 3, axis=-1)])
+def test_a_map_may_have_an_axis_more(tmp_path, capture, values):
+    np.save(tmp_path / "c.npy", values)
+    np.testing.assert_array_equal(SensorDepth(tmp_path).of(capture, "c"), _slope())
+
+
+def test_a_coloured_picture_of_depth_is_refused(tmp_path, capture):
+    """What a model's demo shows: one of its channels alone would be taken for depth."""
+    levels = np.linspace(0, 255, 24 * 32).astype(np.uint8).reshape(24, 32)
+    cv2.imwrite(str(tmp_path / "c.png"), cv2.applyColorMap(levels, cv2.COLORMAP_JET))
+    with pytest.raises(CaptureError, match=r"c\.png: .*no depth map"):
+        map_in_own_unit(tmp_path, "c", capture)
+    cv2.imwrite(str(tmp_path / "c.png"), cv2.merge([levels] * 3 + [np.full_like(levels, 255)]))
+    np.testing.assert_array_equal(map_in_own_unit(tmp_path, "c", capture), levels)
+
+
+def test_points_are_no_depth(tmp_path, capture):
+    """(H, W, 3) of a model of points: its first numbers are x."""
+    np.save(tmp_path / "c.npy", np.stack([_slope(), -_slope(), 2.0 * _slope()], axis=-1))
+    with pytest.raises(CaptureError, match=r"c\.npy: .*no depth map"):
+        SensorDepth(tmp_path).of(capture, "c")
