@@ -34,6 +34,7 @@ from ..mesh.mesh_files import LARGEST, MESH_SUFFIXES
 from .shapes import load_shape
 
 _WHITE = 128
+_ASPECT_TOLERANCE = 0.02
 _MOST_GLTF_BYTES = 1 << 30
 _MOST_OBJECTS = 1024
 """Of images that number them: each has masks of its own, and a photograph has thousands of values."""
@@ -115,7 +116,14 @@ def read_masks(folder: Path, captures: Sequence[Capture]) -> tuple[DeclaredObjec
     """
     if not folder.is_dir():
         raise GeometryError("there is no such folder", where=folder, cure="Give the folder of the masks.")
-    parts = _folders(folder)
+    parts = [place for place in _folders(folder) if not place.name.startswith(".")]  # of a system, or of an editor
+    for place in parts or [folder]:
+        if not _mask_files(place, captures):
+            raise GeometryError(
+                "no mask belongs to a photograph of the scene",
+                where=place,
+                cure="Call the masks as the photographs, such as IMG_01.png, or take the folder away.",
+            )
     if parts:
         objects = [DeclaredObject(plain_name(place.name), _masks(place, captures)) for place in parts]
     else:
@@ -123,9 +131,9 @@ def read_masks(folder: Path, captures: Sequence[Capture]) -> tuple[DeclaredObjec
     objects = [one for one in objects if any(mask.any() for mask in one.masks.values())]
     if not objects:
         raise GeometryError(
-            "no mask belongs to a photograph of the scene",
+            "the masks show nothing: all of them are black, or nearly",
             where=folder,
-            cure="Call the masks as the photographs, such as IMG_01.png.",
+            cure="Save what they show in white, 255, or without folders as the number of its object.",
         )
     return told_apart(objects)
 
@@ -237,7 +245,7 @@ def _masks(folder: Path, captures: Sequence[Capture]) -> dict[str, np.ndarray]:
         if path is not None:
             image = load_image_uint8(path)
             grey = image if image.ndim == 2 else image.max(axis=2)
-            found[capture.name] = _at_working_size(grey >= _WHITE, capture)
+            found[capture.name] = _at_working_size(grey >= _WHITE, capture, path)
     return found
 
 
@@ -267,18 +275,28 @@ def _numbered(folder: Path, captures: Sequence[Capture]) -> list[DeclaredObject]
                 raise GeometryError(
                     f"the masks number more than {_MOST_OBJECTS} objects", where=path, cure="Save numbers, no picture."
                 )
-            masks[number][capture.name] = _at_working_size(numbers == number, capture)
+            masks[number][capture.name] = _at_working_size(numbers == number, capture, path)
     return [
         DeclaredObject(plain_name(str(names.get(str(number), f"object_{number:02d}"))), found)
         for number, found in sorted(masks.items())
     ]
 
 
-def _at_working_size(mask: np.ndarray, capture: Capture) -> np.ndarray:
-    """A mask of the photograph, or of the undistorted capture, as the capture's camera sees it."""
+def _at_working_size(mask: np.ndarray, capture: Capture, path: Path) -> np.ndarray:
+    """A mask of the photograph, or of the undistorted capture, as the capture's camera sees it.
+
+    Raises GeometryError for one of another shape, as of a photograph that was not turned upright.
+    """
     shape = capture.camera.shape
     if mask.shape == shape:
         return mask
+    (height, width), (wide, high) = mask.shape, capture.photograph_size
+    if abs(width * high / (height * wide) - 1.0) > _ASPECT_TOLERANCE:
+        raise GeometryError(
+            f"the mask is {width}x{height}, its photograph {wide}x{high}",
+            where=path,
+            cure="Save it as large as the photograph, and upright as that is shown.",
+        )
     image = mask.astype(np.float32)
     if capture.lens is not None:  # though the capture's own image is straight already
         lens = capture.lens.scaled_to(mask.shape[1], mask.shape[0])

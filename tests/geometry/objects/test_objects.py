@@ -306,7 +306,34 @@ def test_folders_without_masks_of_the_scene_are_errors_that_name_them(tmp_path):
     save_mask(tmp_path / "chair" / "another.png", disc(20, 20, 9))
     with pytest.raises(GeometryError, match="no mask belongs to a photograph") as caught:
         read_masks(tmp_path, captures("a"))
-    assert caught.value.where == str(tmp_path)
+    assert caught.value.where == str(tmp_path / "chair")
+    save_mask(tmp_path / "sofa" / "a.png", disc(20, 20, 9))  # which is no reason to pass the chair over
+    with pytest.raises(GeometryError, match="no mask belongs to a photograph") as caught:
+        read_masks(tmp_path, captures("a"))
+    assert caught.value.where == str(tmp_path / "chair")
+
+
+def test_a_hidden_folder_beside_numbered_images_is_no_object(tmp_path):
+    save_image(tmp_path / "a.png", disc(20, 20, 9).astype(np.uint8))
+    (tmp_path / ".ipynb_checkpoints").mkdir()
+    (found,) = read_masks(tmp_path, captures("a"))
+    assert_masks(found.masks, {"a": disc(20, 20, 9)})
+
+
+def test_masks_of_ones_in_a_folder_are_not_called_another_photographs(tmp_path):
+    (tmp_path / "chair").mkdir()
+    save_image(tmp_path / "chair" / "a.png", disc(20, 20, 9).astype(np.uint8))
+    with pytest.raises(GeometryError, match="255"):
+        read_masks(tmp_path, captures("a"))
+
+
+@pytest.mark.parametrize("folder", ["chair", "."])
+def test_a_mask_of_a_photograph_on_its_side_is_refused(tmp_path, folder):
+    """Stretched to the capture's shape it would show something else."""
+    (tmp_path / folder).mkdir(exist_ok=True)
+    save_image(tmp_path / folder / "a.png", np.rot90(disc(20, 20, 9)).astype(np.uint8) * 255)
+    with pytest.raises(GeometryError, match=r"a\.png: .*60x80.*80x60"):
+        read_masks(tmp_path, captures("a"))
 
 
 def test_numbered_images_that_hold_no_numbers_are_errors_that_name_them(tmp_path):
