@@ -64,7 +64,7 @@ def objects(scene: Path, output: Output, **given: Any) -> None:
     metavar="FILE.npz",
     help="Faces to cut away: the number round, and their corners (K x 3 x 3) in its proxy.",
 )
-@click.option("--draw", type=ANY_PATH, metavar="FILE", help="A mesh to add, in the world's metres.")
+@click.option("--draw", type=ANY_PATH, metavar="FILE", help="A mesh to add, in the world's metres; glTF is Y up.")
 @click.option("--name", default="", help="What the edit is called; by default as its file.")
 @click.option("--remove", multiple=True, metavar="NAME", help="Take an edit back; repeatable.")
 @click.option("--list", "only_list", is_flag=True, help="Only say what edits there are.")

@@ -25,8 +25,8 @@ def edit_proxy(
     """Change the edits of the scene's proxy; returns all there are then.
 
     ``cut`` is an ``.npz`` with ``round`` and ``corners`` (K, 3, 3) float32 of that round's proxy
-    faces; ``draw`` one with ``vertices`` and ``faces`` in the world frame, or a mesh file;
-    ``name`` is the new edit's, by default its file's; ``remove`` takes edits back. The next run
+    faces; ``draw`` one with ``vertices`` and ``faces`` in the world frame, or a mesh file, of which
+    glTF is Y up; ``name`` is the new edit's, by default its file's; ``remove`` takes edits back. The next run
     redoes the proxy and what depends on it. Raises GeometryError, and SceneError for a cut of a proxy
     whose world frame was corrected since; changes nothing then.
     """
@@ -87,7 +87,10 @@ def _cut(scene: Scene, file: Path, edits: Sequence[Edit]) -> Any:
 def _drawn(scene: Scene, file: Path, edits: Sequence[Edit]) -> Drawn:
     if file.suffix.lower() != ".npz":
         shape = load_shape(file)
-        return drawn_surface(shape.vertices, shape.faces)
+        vertices = shape.vertices
+        if file.suffix.lower() in (".glb", ".gltf"):  # Y up, as that format demands
+            vertices = vertices[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
+        return drawn_surface(vertices, shape.faces)
     with opened_arrays(file, GeometryError, "this is no drawn surface", "Make it anew.") as data:
         return drawn_surface(data["vertices"], data["faces"])
 

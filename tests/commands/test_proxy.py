@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from bundles import IDENTITY, new_bundle
 from click.testing import CliRunner
 
@@ -90,6 +91,15 @@ def test_a_mesh_file_is_drawn_as_it_lies_in_the_world(scene, tmp_path):
     (edit,) = edit_proxy(scene, draw=tmp_path / "wall.obj")
     assert edit.name == "wall" and edit.change.area_m2 == pytest.approx(0.5)
     assert edit.change.vertices.max(0).tolist() == [1, 0, 1]
+
+
+@pytest.mark.parametrize("kind", ["glb", "gltf"])
+def test_a_drawn_gltf_is_y_up(scene, tmp_path, kind):
+    """As Blender and this project's own exports write it."""
+    up = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 3, 0], [0, 0, -2]], [[0, 1, 2], [0, 1, 3]], process=False)
+    up.export(tmp_path / f"wall.{kind}")
+    (edit,) = edit_proxy(scene, draw=tmp_path / f"wall.{kind}")
+    assert edit.change.vertices.min(0).tolist() == [0, 0, 0] and edit.change.vertices.max(0).tolist() == [1, 2, 3]
 
 
 def test_a_proxy_of_an_earlier_world_frame_is_not_cut(scene, cut_file):
