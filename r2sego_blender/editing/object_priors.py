@@ -14,6 +14,7 @@ from ..bundle.scene import Scene
 from ..bundle.stale import require_present_frame
 from ..captures.capture import Capture
 from ..captures.store import CAPTURES
+from ..core.atomic_files import remove as remove_files
 from ..core.errors import GeometryError
 from ..core.scratch import ScratchFolder
 from ..geometry.objects.clusters import find_objects
@@ -99,8 +100,11 @@ def declare_objects(
         for names, decision in ((accept, ACCEPT), (reject, REJECT), (reconsider, "")):
             for name in names:
                 objects[name] = replace(_known(objects, name, scene), decision=decision)
-        with scene.publishing(layout.OBJECTS) as folder:
-            save_objects(folder, list(objects.values()), [capture.name for capture in captures])
+        if objects:
+            with scene.publishing(layout.OBJECTS) as folder:
+                save_objects(folder, list(objects.values()), [capture.name for capture in captures])
+        else:  # as before the first: an empty folder would have all redone
+            remove_files(scene.path / layout.OBJECTS)
         return scene if library is None else scene.declare(mesh_library=str(found))
 
 

@@ -216,7 +216,8 @@ class CaptureSteps:
             also=[observed.key],
         )
         background = self._make(BACKDROP, behind, photographs, completed, settings=self.h.training.backdrop_gaussians)
-        library = [file_at(Path(folder)) for folder in [self.runner.scene.declaration.mesh_library] if folder]
+        declared = (self.runner.scene.path / OBJECTS.name).is_dir()  # else nobody looks for a shape
+        library = [file_at(folder) for folder in [self.runner.scene.declaration.mesh_library] if folder and declared]
         for folder in library:
             require_library(Path(folder.name))
         objects = self._make(

@@ -1,5 +1,6 @@
 """The step that aligns a bundle's declared objects: what it publishes and what runs it again."""
 
+import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -156,6 +157,22 @@ def test_a_library_that_is_changed_runs_the_step_again(scene, masks, crate, tmp_
     crate.apply_scale(2.0).export(library / "crate.ply")
     run(declared)
     assert runs(scene) == before + 1
+
+
+def test_objects_that_are_withdrawn_leave_nothing_to_redo(scene, masks, crate, tmp_path):
+    """Nor does the library that nobody looks in any more, and that may be gone."""
+    shutil.rmtree(scene.path / OBJECTS.name, ignore_errors=True)
+    run(scene)
+    before = runs(scene)
+    library = tmp_path / "library"
+    library.mkdir()
+    crate.export(library / "crate.ply")
+    declared = scene.declare(mesh_library=str(library))
+    save_objects(scene.path / OBJECTS.name, [DeclaredObject("box", masks)], list(masks))
+    declare_objects(declared, remove=["box"])
+    assert run(declared) == [] and runs(scene) == before
+    (library / "crate.ply").unlink()
+    assert run(declared) == [] and runs(scene) == before
 
 
 def test_bounds_that_are_changed_run_the_step_again(scene):
