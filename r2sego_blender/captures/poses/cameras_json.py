@@ -10,7 +10,7 @@ from ...core.errors import CaptureError
 from ..lenses.distortion import COEFFICIENTS
 from ..lenses.lens import Lens
 from . import json_fields as fields
-from .finding import find_photograph
+from .finding import find_photograph, with_own_file_names
 from .photographs import Photograph, require_lens_of_size, upright_size, with_unique_names
 
 
@@ -51,14 +51,15 @@ def _photographs(
     folder: Path,
     files_needed: bool,
 ) -> list[Photograph]:
+    entries = {f"{key}[{index}]": entry for index, entry in enumerate(fields.entries(data, key, path))}
+    names = [fields.text("file", path, field, entry) for field, entry in entries.items()]
+    alone = with_own_file_names(names)
     photographs = []
-    for index, entry in enumerate(fields.entries(data, key, path)):
-        field = f"{key}[{index}]"
-        name = fields.text("file", path, field, entry)
+    for (field, entry), name in zip(entries.items(), names, strict=True):
         source = f"{path}, {field}"
         places = (entry, *shared)
         if files_needed or not _says_size(places):
-            image_path = find_photograph(name, (path.parent, folder), source)
+            image_path = find_photograph(name, (folder, path.parent), source, name in alone)
         else:
             image_path = folder / name
         sizes = _size(places, image_path, path, field)

@@ -20,14 +20,14 @@ from .plain_folder import UNREAD_PICTURES
 _LISTED = 8
 
 
-def find_photograph(name: str, folders: tuple[Path, ...], where: str, guess_suffix: bool = False) -> Path:
-    """The photograph a pose file names, inside one of ``folders``.
+def find_photograph(name: str, folders: tuple[Path, ...], where: str, by_file_name: bool) -> Path:
+    """The photograph a pose file names, inside one of ``folders``, the first of them that has it.
 
-    A path that leads elsewhere (absolute, or through ``..``) is looked up by its file name. Where
-    no file has the name, one that has it but for case and kind of picture is taken. With
-    ``guess_suffix`` the name may lack its suffix. Raises CaptureError when no folder has it.
+    With ``by_file_name`` a path that is not there, or leads elsewhere (absolute, or through ``..``), is looked up by
+    its file name. Where no file has the name, one that has it but for case and kind of picture is taken.
+    Raises CaptureError when no folder has it.
     """
-    found = _found(name, folders, guess_suffix, by_file_name=True)
+    found = _found(name, folders, False, by_file_name)
     if found is not None:
         return found
     searched = " and ".join(sorted({str(folder) for folder in folders}))
@@ -43,13 +43,12 @@ def find_photographs(
 ) -> list[Path | None]:
     """The photographs a pose file names, as ``find_photograph``; None for those that are missing.
 
-    Missing ones are listed in a warning, for a model may be of more photographs than are at
+    With ``guess_suffix`` a name may lack its suffix. Missing ones are listed in a warning, for a model may be of more photographs than are at
     hand. Raises CaptureError when fewer than three are left.
     """
-    # Rigs repeat file names in a folder a camera: there only the folder tells which is meant.
-    counts = Counter(_plain(name).name for name in names)
+    alone = with_own_file_names(names)
     images_in = cache(image_files)  # a model may name thousands that are not there
-    found = [_found(name, folders, guess_suffix, counts[_plain(name).name] == 1, images_in) for name in names]
+    found = [_found(name, folders, guess_suffix, name in alone, images_in) for name in names]
     missing = [name for name, path in zip(names, found, strict=True) if path is None]
     if not missing:
         return found
@@ -64,6 +63,13 @@ def find_photographs(
         raise CaptureError(what, where=where, cure="Give the folder that holds them.")
     progress.message(f"{what}; they are left out", level="warning")
     return found
+
+
+def with_own_file_names(names: Sequence[str]) -> frozenset[str]:
+    """Those of ``names`` whose file name no other has: rigs repeat them in a folder a camera, which alone tells which
+    is meant."""
+    counts = Counter(_plain(name).name for name in names)
+    return frozenset(name for name in names if counts[_plain(name).name] == 1)
 
 
 def find_beside(name: str, folders: tuple[Path, ...]) -> Path | None:
@@ -83,9 +89,10 @@ def _found(
     # A Mac writes names decomposed, what else writes them composed; both look the same.
     forms = (name, unicodedata.normalize("NFC", name), unicodedata.normalize("NFD", name))
     spelt = dict.fromkeys(map(_plain, forms))
-    candidates = [folder / relative for folder in folders for relative in spelt]
-    if by_file_name:
-        candidates += [folder / relative.name for folder in folders for relative in spelt]
+    candidates = []
+    for folder in folders:
+        candidates += [folder / relative for relative in spelt]
+        candidates += [folder / relative.name for relative in spelt] if by_file_name else []
     candidates = [
         candidate
         for candidate in candidates

@@ -29,7 +29,7 @@ def read_cameras_of_model(path: Path, folder: Path, progress: Progress = SILENT)
         raise CaptureError(f"the file cannot be read ({error})", where=path, cure="Copy it again.") from error
     cameras = fields.entries({"cameras": listed}, "cameras", path)
     names = [fields.text("img_name", path, f"[{i}]", camera) for i, camera in enumerate(cameras)]
-    paths = find_photographs(names, (path.parent, folder, folder / "images"), path, progress, guess_suffix=True)
+    paths = find_photographs(names, (folder, folder / "images", path.parent), path, progress, guess_suffix=True)
     return with_unique_names(
         [
             _photograph(camera, name, found, path, f"[{index}]")

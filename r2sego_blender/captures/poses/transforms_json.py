@@ -43,7 +43,7 @@ def read_transforms_json(
     data = fields.read_json(path)
     frames = kept_frames(data, path, progress, held_out)
     names = [fields.text("file_path", path, field, frame) for field, frame in frames.items()]
-    paths = find_photographs(names, (path.parent, folder), path, progress, guess_suffix=True)
+    paths = find_photographs(names, (folder, path.parent), path, progress, guess_suffix=True)
     photographs = []
     for (field, frame), name, image_path in zip(frames.items(), names, paths, strict=True):
         if image_path is None:
