@@ -133,7 +133,7 @@ def scale_options(command: Callable) -> Callable:
             "--depth",
             type=FOLDER,
             help="Depth maps of a sensor, called as the photographs are: 16-bit PNG in mm, or EXR, NPY in metres. "
-            "They tell the scale and count as geometry.",
+            "They tell the scale; in a new scene they are geometry, too.",
         ),
         click.option(
             "--depth-unit", type=float, metavar="METRES", help="Unit of depth maps of whole numbers.  [default: 0.001]"

@@ -74,7 +74,7 @@ class ProgramGenerator:
                 self.name = response.backend
                 told = response.values.get("frames")
                 if told != len(conditions):
-                    raise self._incomplete(f"made {told} frames, not {len(conditions)}")
+                    raise self._incomplete(f"made {told!r} frames, not {len(conditions)}")
                 return [self._frame(response, k, box, condition) for k, condition in enumerate(conditions)]
 
     def _request(self, folder: Path, reference: int, path: Sequence[Camera]) -> Request:

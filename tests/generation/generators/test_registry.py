@@ -165,7 +165,7 @@ def test_a_program_may_tell_its_confidence(room, generator_in, tmp_path):
             r"made frames/000\.png 9x8 pixels, not 480x360\. Mend it, or use --set generation\.gener",
         ),
         ("result['frames'] = 2", r"made 2 frames, not 3\."),
-        ("result['frames'] = 'all'", r"made all frames, not 3\."),
+        ("result['frames'] = '3'", r"made '3' frames, not 3\."),
     ],
 )
 def test_an_answer_that_is_not_whole_is_told_in_a_line(room, generator_in, tmp_path, mend, said):
