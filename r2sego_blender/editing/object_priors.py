@@ -70,6 +70,9 @@ def declare_objects(
     MachineError and NativeError where a learned backend is missing or fails.
     """
     words = [word.strip() for word in vocabulary if word.strip()]
+    _require_one("the objects are given in two ways", [one for one in (masks, words, find) if one], 1)
+    for said in ((*accept, *reject, *reconsider), (*lock, *unlock, *(place or {}))):
+        _require_one("an object is decided on twice", said, len(set(said)))
     with scene.locked(), ScratchFolder() as temporary:
         captures = scene.read(CAPTURES)
         if masks is not None:
@@ -159,6 +162,11 @@ def lines(objects: Sequence[Mapping[str, Any]]) -> list[str]:
         result += f" ({made})" if made else ""
         text.append(f"{one['name']:<20}{one['masks']:>6}  {figures}  {result}")
     return text
+
+
+def _require_one(what: str, given: Sequence[object], most: int) -> None:
+    if len(given) > most:
+        raise GeometryError(what, where="r2sego objects", cure="Give one of the options, and name each object once.")
 
 
 def _but_mesh(one: DeclaredObject) -> dict[str, str]:

@@ -18,6 +18,7 @@ from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.store import load_captures, save_captures
 from r2sego_blender.commands.cli import main
 from r2sego_blender.core.cameras import Camera, look_at
+from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import GeometryError, R2SEgoError, SceneError
 from r2sego_blender.core.images import save_image
 from r2sego_blender.editing.object_priors import declare_objects, describe_objects, lines, move_objects
@@ -242,6 +243,29 @@ def test_new_masks_keep_what_else_is_known_of_an_object(scene, masks, library):
     declare_objects(Scene.open(scene.path), masks=masks)
     chair = _objects(scene)["chair"]
     assert len(chair.masks) == 3 and chair.mesh.name == "mesh.ply" and chair.decision == "reject"
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"accept": ["chair"], "reject": ["chair"]},
+        {"reject": ["chair"], "reconsider": ["chair"]},
+        {"lock": ["chair"], "unlock": ["chair"]},
+        {"place": {"chair": Path("pose.json")}, "unlock": ["chair"]},
+        {"find": True, "masks": Path("masks")},
+        {"vocabulary": ["chair"], "masks": Path("masks")},
+    ],
+)
+def test_what_contradicts_itself_is_refused_and_changes_nothing(scene, masks, tmp_path, given):
+    declare_objects(scene, masks=masks)
+    _as_if_run(scene, np.eye(4))
+    (tmp_path / "pose.json").write_text(json.dumps({"world_from_own": np.eye(4).tolist()}))
+    before = content_digest(scene.path / "objects")
+    given |= {"masks": masks} if "masks" in given else {}
+    given |= {"place": {"chair": tmp_path / "pose.json"}} if "place" in given else {}
+    with pytest.raises(GeometryError, match="r2sego objects: .*Give one"):
+        declare_objects(scene, **given)
+    assert content_digest(scene.path / "objects") == before
 
 
 def test_objects_are_taken_away_the_last_one_too(scene, masks, library, tmp_path):
