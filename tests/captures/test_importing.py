@@ -233,9 +233,7 @@ def test_the_photographs_of_the_named_folder_are_taken_before_those_beside_the_p
     if kind == "cameras.json of 3DGS":
         turned = [{"position": pose[:3, 3].tolist(), "rotation": pose[:3, :3].tolist()} for pose in poses]
         lens = {"width": 64, "height": 48, "fx": 50.0, "fy": 50.0}
-        file.write_text(
-            json.dumps([{"id": i, "img_name": paths[i].name} | lens | one for i, one in enumerate(turned)])
-        )
+        file.write_text(json.dumps([{"id": i, "img_name": paths[i].name} | lens | one for i, one in enumerate(turned)]))
         for path in paths:
             path.rename(tmp_path / path.name)
     imported = import_captures(tmp_path / "brightened", file, SETTINGS)

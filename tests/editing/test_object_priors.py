@@ -263,7 +263,7 @@ def test_what_contradicts_itself_is_refused_and_changes_nothing(scene, masks, tm
     before = content_digest(scene.path / "objects")
     given |= {"masks": masks} if "masks" in given else {}
     given |= {"place": {"chair": tmp_path / "pose.json"}} if "place" in given else {}
-    with pytest.raises(GeometryError, match="r2sego objects: .*Give one"):
+    with pytest.raises(GeometryError, match=r"r2sego objects: .*Give one"):
         declare_objects(scene, **given)
     assert content_digest(scene.path / "objects") == before
 

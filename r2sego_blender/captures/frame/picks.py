@@ -88,7 +88,7 @@ class Picks:
                             Pick(str(v["capture"]), finite_number(v["x_px"]), finite_number(v["y_px"]))
                             for v in point["views"]
                         ),
-                        bool(point.get("floor", False)),
+                        _whether(point.get("floor", False)),
                     )
                     for point in data.get("points", ())
                 ),
@@ -140,3 +140,9 @@ class Picks:
         for metres in [*(one.metres for one in self.lengths), *(one.metres for one in self.heights)]:
             if not (np.isfinite(metres) and metres > 0):
                 raise CaptureError(f"{metres} is no length in metres", where=where, cure="Give a positive one.")
+
+
+def _whether(value: Any) -> bool:
+    if not isinstance(value, bool):  # a text "false" would count as true
+        raise ValueError(f"'floor' of {value!r}")
+    return value

@@ -43,8 +43,8 @@ def find_photographs(
 ) -> list[Path | None]:
     """The photographs a pose file names, as ``find_photograph``; None for those that are missing.
 
-    With ``guess_suffix`` a name may lack its suffix. Missing ones are listed in a warning, for a model may be of more photographs than are at
-    hand. Raises CaptureError when fewer than three are left.
+    With ``guess_suffix`` a name may lack its suffix. Missing ones are listed in a warning, for a model may be of
+    more photographs than are at hand. Raises CaptureError when fewer than three are left.
     """
     alone = with_own_file_names(names)
     images_in = cache(image_files)  # a model may name thousands that are not there

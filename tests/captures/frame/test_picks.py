@@ -32,6 +32,7 @@ def test_picks_come_back_from_json():
         ({"points": [{"name": "A", "views": [{"capture": "p0", "x_px": "x", "y_px": 1}]}]}, "wrong"),
         ({"points": [{"name": "A", "views": 2 * [{"capture": "p0", "x_px": 1, "y_px": 1}]}]}, "twice in one"),
         ({"points": 2 * [{"name": "A", "views": [{"capture": "p0", "x_px": 1, "y_px": 1}]}]}, "two points"),
+        ({"points": [{"name": "A", "floor": "false", "views": [{"capture": "p0", "x_px": 1, "y_px": 1}]}]}, "'floor'"),
         ({"lengths": [{"from": "A", "to": "B", "metres": 1}]}, "from 'A' to 'B'"),
         ({"camera_heights": [{"capture": "p0", "metres": -1}]}, "no length"),
         ({"camera_heights": [{"capture": "p0", "metres": float("nan")}]}, "NaN"),
