@@ -217,38 +217,6 @@ def test_cameras_json_round_trip_and_frozen_views(tmp_path, rng, blank_photograp
     assert [c.camera.to_json() for c in frozen] == [c.to_json() for c in cameras[3:]]
 
 
-@pytest.mark.parametrize("kind", ["transforms.json", "cameras.json", "cameras.json of 3DGS"])
-def test_the_photographs_of_the_named_folder_are_taken_before_those_beside_the_poses(
-    tmp_path, rng, blank_photograph, kind
-):
-    """As where somebody brightened them: the poses are still those of the originals, which lie where they were."""
-    paths, poses = _photographs(tmp_path, blank_photograph, 3), _poses(rng, 3)
-    brightened = [blank_photograph(tmp_path / "brightened" / path.name, 64, 48) for path in paths]
-    if kind == "transforms.json":
-        file = _transforms(tmp_path, poses, {"fl_x": 50.0, "w": 64, "h": 48})
-    else:
-        cameras = [Camera(64, 48, 50.0, 50.0, 32.0, 24.0, pose) for pose in poses]
-        file = tmp_path / "cameras.json"
-        save_cameras_json(file, [Capture(p.name, p, c) for p, c in zip(paths, cameras, strict=True)])
-    if kind == "cameras.json of 3DGS":
-        turned = [{"position": pose[:3, 3].tolist(), "rotation": pose[:3, :3].tolist()} for pose in poses]
-        lens = {"width": 64, "height": 48, "fx": 50.0, "fy": 50.0}
-        file.write_text(json.dumps([{"id": i, "img_name": paths[i].name} | lens | one for i, one in enumerate(turned)]))
-        for path in paths:
-            path.rename(tmp_path / path.name)
-    imported = import_captures(tmp_path / "brightened", file, SETTINGS)
-    assert [capture.image_path for capture in imported.captures] == brightened
-
-
-def test_a_rig_in_cameras_json_is_not_mixed_up_by_its_file_names(tmp_path, rng, blank_photograph):
-    paths = [blank_photograph(tmp_path / f"cam{k}" / f"{i}.png", 64, 48) for k in range(2) for i in range(2)]
-    cameras = [Camera(64, 48, 50.0, 50.0, 32.0, 24.0, pose) for pose in _poses(rng, 4)]
-    file = tmp_path / "cameras.json"
-    save_cameras_json(file, [Capture(str(p), p, c) for p, c in zip(paths, cameras, strict=True)])
-    imported = import_captures(tmp_path / "cam0", file, SETTINGS)
-    assert [capture.image_path for capture in imported.captures] == paths
-
-
 @pytest.mark.parametrize("model", COEFFICIENTS)
 def test_cameras_json_keeps_every_lens(tmp_path, rng, blank_photograph, model):
     paths = _photographs(tmp_path, blank_photograph, 3)
