@@ -364,8 +364,8 @@ def test_what_is_no_frame_is_refused(tmp_path, frame, message):
 
 def test_a_scale_that_no_room_has_is_refused_and_changes_nothing(tmp_path):
     scene, _, cameras = wrong_scene(tmp_path, np.eye(4))
-    with pytest.raises(CaptureError, match="scale"):
-        correct_to_frame(scene, np.diag([1e-12, 1e-12, 1e-12, 1.0]))
+    with pytest.raises(CaptureError, match="would lie"):
+        correct_to_frame(scene, np.diag([1e-10, 1e-10, 1e-10, 1.0]))
     assert_true(Scene.open(scene.path), cameras)
 
 
