@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from ..workers.cancelling import cancel_at_once
 from .options import ANY_PATH, FOLDER, Commands, Output, names_of, output_options, overrides_of
 
 
@@ -71,6 +72,7 @@ def evaluate(
     """How often a policy sits down in SCENE, why it failed, and how much the helping force helped."""
     from ..policy.training import Task, evaluate_policy, lines
 
+    cancel_at_once()  # training alone keeps finished steps
     task = Task(scene, asset, names_of(chairs), reference, tracker)
     if record is None:
         found = evaluate_policy(task, which, episodes, seed, output.progress)

@@ -34,6 +34,15 @@ def test_from_a_declaration_to_the_table(tmp_path):
     assert (study / "tables" / "table3.tex").is_file()
 
 
+def test_the_page_of_another_plan_does_not_stay(tmp_path):
+    study = tmp_path / "sitting.trials"
+    r2sego("plan", declared(tmp_path))
+    r2sego("page", study)
+    before = TrialPlan.load(study).digest
+    r2sego("plan", declared(tmp_path, "trials = 1"))
+    assert TrialPlan.load(study).digest != before and not (study / "plan.html").exists()
+
+
 def test_a_plan_that_began_is_ended_not_changed(tmp_path):
     file = declared(tmp_path)
     r2sego("plan", file)

@@ -43,8 +43,8 @@ def plan_trials(declaration: Path, study: Path | None, output: Output) -> None:
 def print_page(study: Path, file: Path | None, output: Output) -> None:
     """Write STUDY's plan as one HTML page to print: rules, and a floor plan with the poses of each trial."""
     from ...core.atomic_files import write_whole
-    from ...trials.plan.page import PAGE, plan_page
-    from ...trials.plan.trial_plan import TrialPlan
+    from ...trials.plan.page import plan_page
+    from ...trials.plan.trial_plan import PAGE, TrialPlan
 
     page = file or study / PAGE
     write_whole(page, plan_page(TrialPlan.load(study)))

@@ -12,9 +12,6 @@ from ...config.fields import fields_of
 from .rules import Rules
 from .trial_plan import FloorPose, TrialPlan
 
-PAGE = "plan.html"
-"""The page's file, in a study's folder."""
-
 _TEMPLATE = Path(__file__).with_name("page.html.j2")
 _MARGIN_M = 0.5
 _MOST_GRID_LINES = 40

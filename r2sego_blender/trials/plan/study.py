@@ -16,7 +16,7 @@ from ...core.text_files import read_text
 from ..records.index import RecordIndex
 from .declaration import Declaration
 from .drawing import drawn_plan
-from .trial_plan import BEGUN, ENDED, FROZEN, PLAN, SUFFIX, TrialPlan, plan_bytes, require_own_files
+from .trial_plan import BEGUN, ENDED, FROZEN, PAGE, PLAN, SUFFIX, TrialPlan, plan_bytes, require_own_files
 
 DECLARATION = "declaration.toml"
 _MOST_REASON = 2000
@@ -34,8 +34,8 @@ class StudyState:
 def freeze_plan(declaration: str | Path, study_folder: str | Path | None = None) -> tuple[TrialPlan, Path]:
     """Draw the plan of a declaration and freeze it in a study's folder, by default beside it with its name.
 
-    A plan that has not begun is replaced. Raises TrialError: the declaration is none, its plan has begun, or a
-    link leads out of the folder.
+    A plan that has not begun is replaced, and its printed page goes. Raises TrialError: the declaration is
+    none, its plan has begun, or a link leads out of the folder.
     """
     file = Path(declaration)
     declared = Declaration.load(file)
@@ -50,6 +50,7 @@ def freeze_plan(declaration: str | Path, study_folder: str | Path | None = None)
     try:
         study.mkdir(parents=True, exist_ok=True)
         (study / FROZEN).unlink(missing_ok=True)  # killed from here on, there is no plan
+        (study / PAGE).unlink(missing_ok=True)
         write_whole(study / DECLARATION, read_text(file, 1 << 20))
         write_whole(study / PLAN, plan_bytes(plan).decode())
         write_whole(study / FROZEN, f"{plan.digest}  {PLAN}\n")

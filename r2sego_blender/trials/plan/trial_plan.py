@@ -24,6 +24,9 @@ from .rules import Rules
 PLAN, FROZEN, BEGUN, ENDED = "plan.json", "plan.sha256", "begun.json", "ended.json"
 """Files of a study's folder: the plan, its SHA-256 as ``sha256sum`` writes it, when it began and was ended."""
 
+PAGE = "plan.html"
+"""The plan as a page to print, there."""
+
 ORDERS = ("alternating", "randomised")
 TETHERS = ("gate", "always")
 SUFFIX = ".trials"
