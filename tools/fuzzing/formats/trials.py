@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -139,7 +140,8 @@ def _recorded(folder: Path) -> None:
             return done if live.state is State.JUDGED else super().acts(live)
 
     operator = Once(plan, bench, clock, lambda trial, tried: "success")
-    Session(study, Connection(bench.open_line, clock), simulated_calibration(), operator, clock=clock).run()
+    calibration = simulated_calibration(datetime.fromtimestamp(clock.wall_ns() // 10**9, UTC))
+    Session(study, Connection(bench.open_line, clock), calibration, operator, clock=clock).run()
 
 
 def _read_record(folder: Path) -> Any:
