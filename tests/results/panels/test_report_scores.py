@@ -42,7 +42,11 @@ def test_arms_rounds_and_causes(evaluated):
     ]
     assert scores.summary == "25.00 dB (+3.25), SSIM 0.800"
     assert [(one.label, one.psnr) for one in scores.rounds] == [("Round 0", 24.2), ("Round 1", 23.9), ("Round 2", None)]
-    assert [(one.label, one.error) for one in scores.causes] == [("Wrong depth", 0.41), ("Edges", None)]
+    assert [(one.label, one.error) for one in scores.causes] == [
+        ("Wrong depth", 0.41),
+        ("Splats off the surface", 0.16),
+        ("Edges", None),
+    ]
     assert scores.mending == "Wrong depth: more photographs"
 
 
