@@ -7,6 +7,7 @@ import errno
 import json
 import os
 import shutil
+import tempfile
 import time
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
@@ -30,6 +31,15 @@ _FEW_FILES = 64
 
 _PAUSES_S = [0.01 * 2**n for n in range(8)] if os.name == "nt" else []
 """On Windows a virus scanner or an indexer may hold a new file for a moment; then it lets go."""
+
+
+def unwritable(folder: Path) -> str:
+    """Why no file can be made in a folder, "" where one can: to be told before long work, not after it."""
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            return ""
+    except OSError as error:
+        return error.strerror or str(error)
 
 
 def write_whole(file: Path, text: str) -> None:

@@ -17,6 +17,7 @@ from ..geometry.objects.shapes import load_shape
 from ..geometry.proxy.edited_proxy import cut_of, drawn_surface
 from ..geometry.proxy.edits import PROXY_EDITS, Drawn, Edit, new_name
 from ..geometry.proxy.proxy import PROXY, PROXY_FILE
+from ..splats.formats.values import WORLD_FROM_Y_UP
 
 
 def edit_proxy(
@@ -89,7 +90,7 @@ def _drawn(scene: Scene, file: Path, edits: Sequence[Edit]) -> Drawn:
         shape = load_shape(file)
         vertices = shape.vertices
         if file.suffix.lower() in (".glb", ".gltf"):  # Y up, as that format demands
-            vertices = vertices[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
+            vertices = vertices @ WORLD_FROM_Y_UP[:3, :3].T
         return drawn_surface(vertices, shape.faces)
     with opened_arrays(file, GeometryError, "this is no drawn surface", "Make it anew.") as data:
         return drawn_surface(data["vertices"], data["faces"])

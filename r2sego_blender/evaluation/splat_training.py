@@ -7,7 +7,6 @@ The asset stays in the frame and unit of the poses.
 from __future__ import annotations
 
 import dataclasses
-import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ import numpy as np
 from ..captures.capture import Capture
 from ..config.presets import with_overrides
 from ..config.settings import Settings
+from ..core.atomic_files import unwritable
 from ..core.errors import AssetError, SettingsError
 from ..core.progress import SILENT, Progress
 from ..core.resources import cpu_s, peak_memory_mb
@@ -156,15 +156,9 @@ def check_output(path: Path) -> None:
         raise AssetError("there is no such folder", where=path.parent, cure="Make it first.")
     if path.is_dir():
         raise AssetError("a folder has this name", where=path, cure="Give a file.")
-    try:
-        with tempfile.TemporaryFile(dir=path.parent):
-            pass
-    except OSError as error:
-        raise AssetError(
-            f"no file can be made there: {error.strerror or error}",
-            where=path.parent,
-            cure="Choose a folder that can be written.",
-        ) from error
+    if reason := unwritable(path.parent):
+        cure = "Choose a folder that can be written."
+        raise AssetError(f"no file can be made there: {reason}", where=path.parent, cure=cure)
 
 
 def _telling(start: Start, steps: int, kept: Path, progress: Progress) -> Watch:

@@ -14,7 +14,7 @@ from ..refine.splat_start import holds_poses, posed_photographs
 from ..splats.artifacts import load_stage
 from ..splats.asset import SplatAsset
 from ..splats.formats.registry import load_asset
-from ..splats.rendering.pictures import distorted_lenses, load_cameras, photographs_named
+from ..splats.rendering.pictures import camera_entries, cameras_of, distorted_lenses, photographs_of
 
 
 def asset_and_cameras(
@@ -25,15 +25,16 @@ def asset_and_cameras(
 
     Of a splat file the cameras may also be the poses of what it was trained on: a scene's world is another
     than that of the poses it was made of. Raises SceneError when a scene's asset is of an earlier world
-    frame, and as ``stage_named``, ``load_asset`` and ``load_cameras``.
+    frame, and as ``stage_named``, ``load_asset``, ``camera_entries`` and ``cameras_of``.
     """
     if not source.is_dir() and holds_poses(cameras):
         posed = posed_photographs(cameras)
         seen_from = {capture.name.replace("/", "_"): capture.camera for capture in posed}
         return load_asset(source, progress), seen_from, [capture.image_path for capture in posed]
-    seen_from = load_cameras(cameras)
-    photographs = [*image_files(cameras.resolve().parent), *photographs_named(cameras)]
-    if count := distorted_lenses(cameras):
+    entries = camera_entries(cameras)
+    seen_from = cameras_of(entries, cameras)
+    photographs = [*image_files(cameras.resolve().parent), *photographs_of(entries, cameras)]
+    if count := distorted_lenses(entries):
         progress.message(f"{cameras}: the distortion of {count} lenses is left out: a pinhole is rendered", "warning")
     if not source.is_dir():
         return load_asset(source, progress), seen_from, photographs

@@ -24,14 +24,12 @@ from ..geometry.mesh.decimation import decimated
 from ..geometry.mesh.small_holes import small_holes_closed
 from ..geometry.proxy.proxy import PROXY, GeometryProxy
 from ..geometry.texture.textured_mesh import TexturedMesh
-from ..geometry.texture.textured_obj import obj_files
+from ..geometry.texture.textured_obj import BESIDE, obj_files
 from ..geometry.texture.texturing import bake
 from ..geometry.texture.unwrapping import unwrapped
 from ..splats.formats.files import publishing
 
 _TOO_MANY = 1.1  # times the faces asked for, which decimation keeps to where it can
-
-_BESIDE_OBJ = (".mtl", ".png", ".xml")
 
 FILE = "textured_proxy.glb"
 """Its name in the bundle."""
@@ -157,7 +155,7 @@ def _baked(
 
 def _require_free_beside(obj: Path) -> None:
     """Raises AssetError where a new ``obj`` would be written beside what is not its own."""
-    beside = [obj.with_suffix(suffix) for suffix in _BESIDE_OBJ]
+    beside = [obj.with_suffix(suffix) for suffix in BESIDE]
     for file in beside if not obj.exists() else ():
         if file.exists():
             raise AssetError("it would be written over", where=file, cure="Choose another name, or move it away.")

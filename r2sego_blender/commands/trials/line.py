@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import shutil
 import sys
 import time
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ...core.atomic_files import unwritable
 from ...core.errors import TrialError
 from ..options import ANY_PATH, FOLDER, NEW_FILE, Output, output_options, overrides_of
 
@@ -66,8 +66,9 @@ def calibrate_device(
     ]
 
     _require_seconds(seconds)
-    if not os.access(file.parent, os.W_OK):  # told before a person has put on every weight
-        raise TrialError("no calibration can be written here", where=file, cure="Name a folder that you may write in.")
+    if reason := unwritable(file.parent):  # told before a person has put on every weight
+        cure = "Name a folder that you may write in."
+        raise TrialError(f"no calibration can be written here: {reason}", where=file, cure=cure)
 
     def measure(words: str) -> tuple[Hello, Stream]:
         click.echo(f"{words} Then press Enter. ", err=True, nl=False)

@@ -12,6 +12,10 @@ from .textured_mesh import TexturedMesh
 _HALF, _NONE = "0.5 0.5 0.5", "0 0 0"
 
 
+BESIDE = (".png", ".mtl", ".xml")
+"""Suffixes of the files that ``obj_files`` has beside its .obj."""
+
+
 def obj_files(mesh: TexturedMesh, stem: str) -> dict[str, bytes]:
     """The files by name, each after those that it names: ``stem``.png, .mtl, .xml and .obj.
 

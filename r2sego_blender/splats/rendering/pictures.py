@@ -26,15 +26,33 @@ _DISTORTION = ("distortion", "fisheye", "k1", "k2", "k3", "k4", "k5", "k6", "p1"
 """Under which a cameras.json, or a transforms.json, tells that a lens is no pinhole."""
 
 
-def load_cameras(file: Path) -> dict[str, Camera]:
-    """The cameras of a JSON file by name: its list ``cameras``, else ``captures``.
+def camera_entries(file: Path) -> list[Any]:
+    """The list ``cameras`` of a JSON file, else ``captures``, each entry with what holds for all of them.
+
+    Raises AssetError where there is none.
+    """
+    try:
+        data = read_json(file)
+    except OSError as error:
+        raise AssetError("the cameras cannot be read", where=file, cure="Check the path.") from error
+    except ValueError as error:
+        raise AssetError(f"it is not JSON: {error}", where=file, cure="Mend the file.") from error
+    entries = (data.get("cameras") or data.get("captures")) if isinstance(data, dict) else None
+    if not isinstance(entries, list) or not entries:
+        raise AssetError("there is no list 'cameras'", where=file, cure="Give one entry a camera.")
+    shared = {key: data[key] for key in (*_LENS, *_DISTORTION) if key in data}  # of all entries that say nothing else
+    return [shared | entry if isinstance(entry, dict) else entry for entry in entries]
+
+
+def cameras_of(entries: Sequence[Any], file: Path) -> dict[str, Camera]:
+    """The cameras of a file's ``camera_entries`` by name.
 
     Each entry holds width, height, fx, fy, cx, cy in pixels and world_from_camera (4, 4), or without
     its last row, a pinhole without distortion; ``name``, else its place in the list, names the pictures.
     Raises AssetError with the entry that is wrong.
     """
     cameras: dict[str, Camera] = {}
-    for index, entry in enumerate(_entries(file)):
+    for index, entry in enumerate(entries):
         where = f"{file}: entry {index}"
         try:
             pose = entry["world_from_camera"]
@@ -62,31 +80,16 @@ def load_cameras(file: Path) -> dict[str, Camera]:
     return cameras
 
 
-def photographs_named(file: Path) -> list[Path]:
-    """The photographs that the entries of ``load_cameras`` name as their ``file``."""
-    names = [entry.get("file") for entry in _entries(file)]
+def photographs_of(entries: Sequence[Mapping[str, Any]], file: Path) -> list[Path]:
+    """The photographs that entries of which ``cameras_of`` made cameras name as their ``file``."""
+    names = [entry.get("file") for entry in entries]
     return [file.parent / name for name in names if isinstance(name, str) and "\0" not in name]
 
 
-def distorted_lenses(file: Path) -> int:
-    """How many of the cameras of ``load_cameras`` have a lens that is said to distort: they are rendered without."""
-    told = [[entry.get(key) for key in _DISTORTION] for entry in _entries(file)]
+def distorted_lenses(entries: Sequence[Mapping[str, Any]]) -> int:
+    """How many of these entries tell of a lens that distorts: ``cameras_of`` leaves that out."""
+    told = [[entry.get(key) for key in _DISTORTION] for entry in entries]
     return sum(any(any(one) if isinstance(one, list) else one for one in values) for values in told)
-
-
-def _entries(file: Path) -> list[Any]:
-    """The list of cameras, each with what holds for all of them. Raises AssetError where there is none."""
-    try:
-        data = read_json(file)
-    except OSError as error:
-        raise AssetError("the cameras cannot be read", where=file, cure="Check the path.") from error
-    except ValueError as error:
-        raise AssetError(f"it is not JSON: {error}", where=file, cure="Mend the file.") from error
-    entries = (data.get("cameras") or data.get("captures")) if isinstance(data, dict) else None
-    if not isinstance(entries, list) or not entries:
-        raise AssetError("there is no list 'cameras'", where=file, cure="Give one entry a camera.")
-    shared = {key: data[key] for key in (*_LENS, *_DISTORTION) if key in data}  # of all entries that say nothing else
-    return [shared | entry if isinstance(entry, dict) else entry for entry in entries]
 
 
 def save_pictures(

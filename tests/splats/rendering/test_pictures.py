@@ -9,7 +9,7 @@ from r2sego_blender.core.cameras import Camera
 from r2sego_blender.core.errors import AssetError
 from r2sego_blender.core.images import load_image_uint8, to_uint8
 from r2sego_blender.splats.rendering.outputs import render_outputs
-from r2sego_blender.splats.rendering.pictures import load_cameras, save_pictures
+from r2sego_blender.splats.rendering.pictures import camera_entries, cameras_of, save_pictures
 from r2sego_blender.splats.rendering.rasterizer import render
 from tools.benchmarks.workloads import made_up_room
 
@@ -63,7 +63,7 @@ def test_cameras_are_read_by_name_or_place(room, tmp_path):
     camera = room.views[0].camera.to_json()
     file = tmp_path / "cameras.json"
     file.write_text(json.dumps({"captures": [{**camera, "name": "a"}, camera]}))
-    cameras = load_cameras(file)
+    cameras = cameras_of(camera_entries(file), file)
     assert list(cameras) == ["a", "001"] and cameras["a"].to_json() == camera
 
 
@@ -71,7 +71,7 @@ def test_a_pose_may_come_without_its_last_row(room, tmp_path):
     camera, file = room.views[0].camera, tmp_path / "cameras.json"
     entry = camera.to_json()
     file.write_text(json.dumps({"cameras": [{**entry, "world_from_camera": entry["world_from_camera"][:3]}]}))
-    (read,) = load_cameras(file).values()
+    (read,) = cameras_of(camera_entries(file), file).values()
     assert read.to_json() == entry
 
 
@@ -90,12 +90,12 @@ def test_what_holds_for_all_cameras_is_said_once(tmp_path):
     lens = {key: entry.pop(key) for key in ("width", "height", "fx", "fy", "cx", "cy")}
     file = tmp_path / "cameras.json"
     file.write_text(json.dumps({"captures": [entry, entry | {"fx": 7.0}], **lens}))
-    first, second = load_cameras(file).values()
+    first, second = cameras_of(camera_entries(file), file).values()
     assert (first.width, first.fy, first.fx, second.fx) == (8, 5.5, 5.0, 7.0)
     del lens["height"]
     file.write_text(json.dumps({"captures": [entry], **lens}))
     with pytest.raises(AssetError, match=r"entry 0: the camera has no 'height'\. Give width, height, fx"):
-        load_cameras(file)
+        cameras_of(camera_entries(file), file)
 
 
 @pytest.mark.parametrize(
@@ -111,7 +111,7 @@ def test_damaged_cameras_are_refused_with_their_place(tmp_path, content, words):
     file = tmp_path / "cameras.json"
     file.write_text(content)
     with pytest.raises(AssetError, match=words):
-        load_cameras(file)
+        cameras_of(camera_entries(file), file)
 
 
 @pytest.mark.parametrize(
@@ -133,7 +133,7 @@ def test_a_camera_that_cannot_be_rendered_or_named_is_refused(room, tmp_path, ch
     file = tmp_path / "cameras.json"
     file.write_text(json.dumps({"cameras": [{**room.views[0].camera.to_json(), **change}]}))
     with pytest.raises(AssetError, match=r"cameras\.json: (entry 0|it is not JSON)"):
-        load_cameras(file)
+        cameras_of(camera_entries(file), file)
 
 
 @pytest.mark.parametrize("change", [np.diag([2.0, 2.0, 2.0, 1.0]), np.diag([1.0, 1.0, -1.0, 1.0]), np.eye(4)[::-1]])
@@ -143,11 +143,11 @@ def test_a_pose_that_is_not_rigid_is_refused(room, tmp_path, change):
     pose = np.array(camera["world_from_camera"]) @ change
     file.write_text(json.dumps({"cameras": [{**camera, "world_from_camera": pose.tolist()}]}))
     with pytest.raises(AssetError, match=r"entry 0: the pose is not a rotation and a translation. Give"):
-        load_cameras(file)
+        cameras_of(camera_entries(file), file)
 
 
 def test_two_cameras_of_one_name_are_refused(room, tmp_path):
     file = tmp_path / "cameras.json"
     file.write_text(json.dumps({"cameras": [{**room.views[0].camera.to_json(), "name": "a"}] * 2}))
     with pytest.raises(AssetError, match="entry 1"):
-        load_cameras(file)
+        cameras_of(camera_entries(file), file)

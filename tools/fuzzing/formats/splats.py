@@ -71,9 +71,10 @@ def _cameras(folder: Path) -> None:
 
 
 def _read_cameras(folder: Path) -> Any:
-    from r2sego_blender.splats.rendering.pictures import load_cameras
+    from r2sego_blender.splats.rendering.pictures import camera_entries, cameras_of
 
-    return load_cameras(folder / "cameras.json")
+    file = folder / "cameras.json"
+    return cameras_of(camera_entries(file), file)
 
 
 HARNESSES = (
