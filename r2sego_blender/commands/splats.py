@@ -25,7 +25,7 @@ from .options import ANY_PATH, Output, output_options, overrides_of, settings_op
 @click.option("--gaussians", type=int, help="Short for --set training.max_gaussians=N.")
 @click.option("--seed", type=int, help="Short for --set seed=N.")
 @settings_option
-@click.option("--vanilla", is_flag=True, help="The original 3DGS: its settings and densification.")
+@click.option("--vanilla", is_flag=True, help="The original 3DGS: its settings and densification, no budget (1000000).")
 @click.option(
     "--frozen", type=ANY_PATH, help="Views to score on: transforms_test.json, or a cameras.json with a 'frozen' list."
 )

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..bundle.figures import BASELINES
 from ..bundle.layout import INITIAL_ASSET, REFINED_ASSET
 from ..config.declared_files import did_you_mean
+from ..config.presets import SPARSE_STABLE_SH3, UNBOUNDED, VANILLA_3DGS
+from ..config.training_settings import TrainingSettings
 from ..core.errors import SettingsError
 
 INITIAL, VANILLA, GAUSSGYM, SAME_POINTS, DIFIX3D_PLUS, GENFUSION, WITHOUT_GENERATED, REFINED = (
@@ -39,7 +41,7 @@ ARMS: Mapping[str, ArmSource] = {
     VANILLA: ArmSource(
         "vanilla 3DGS",
         "report/vanilla_3dgs.ply",
-        "the same observed points, captures, number of steps and largest number of Gaussians",
+        "the same observed points, captures and number of steps, as many Gaussians as it makes",
     ),
     GAUSSGYM: ArmSource(
         "GaussGym condition",
@@ -73,6 +75,20 @@ ARMS: Mapping[str, ArmSource] = {
 
 DEFAULT_ARMS = tuple(name for name, source in ARMS.items() if source.asset)
 """Those that need no environment of their own: what is compared where nobody says otherwise."""
+
+
+def baseline_settings(training: TrainingSettings) -> Mapping[str, TrainingSettings]:
+    """What each baseline that is trained here is trained with, where the scene has ``training``.
+
+    Vanilla's rates, densification and resolution are the original 3DGS', the GaussGym condition's the same but that
+    none is added; the same points have this project's, which never densify. The budget of Gaussians is this
+    project's own, and bounds none of them.
+    """
+    return {
+        VANILLA: replace(training, **VANILLA_3DGS),
+        GAUSSGYM: replace(training, **SPARSE_STABLE_SH3),
+        SAME_POINTS: replace(training, **UNBOUNDED),
+    }
 
 
 def strongest_baseline(psnr: Mapping[str, float | None], among: Iterable[str] = BASELINES) -> str:

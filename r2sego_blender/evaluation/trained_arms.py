@@ -11,7 +11,6 @@ import numpy as np
 from ..bundle.runner import Plan, Runner
 from ..bundle.scene import Scene
 from ..captures.store import CAPTURES
-from ..config.presets import SPARSE_STABLE_SH3, VANILLA_3DGS
 from ..config.training_settings import TrainingSettings
 from ..core.progress import SILENT, Progress, SideBySide
 from ..core.threads import in_threads_of_kernels
@@ -23,17 +22,12 @@ from ..splats.artifacts import INITIAL_ASSET, REFINED_ASSET
 from ..splats.asset import SplatAsset
 from ..splats.backends import cpu
 from ..splats.training.observations import Observation
-from .arms import ARMS, GAUSSGYM, SAME_POINTS, VANILLA, WITHOUT_GENERATED
+from .arms import ARMS, WITHOUT_GENERATED, baseline_settings
 
 
 def train_arms(scene: Scene, progress: Progress = SILENT, arms: Collection[str] = tuple(ARMS)) -> None:
     """See that ``arms`` are there; each is passed over while nothing that it is made of has changed."""
-    training = scene.declaration.settings.training
-    baselines = {
-        VANILLA: replace(training, **VANILLA_3DGS),
-        GAUSSGYM: replace(training, **SPARSE_STABLE_SH3),
-        SAME_POINTS: training,
-    }
+    baselines = baseline_settings(scene.declaration.settings.training)
     train_baselines(scene, {arm: baselines[arm] for arm in baselines if arm in arms}, progress)
     if WITHOUT_GENERATED in arms:
         train_without_generated_views(scene, progress)
@@ -42,10 +36,8 @@ def train_arms(scene: Scene, progress: Progress = SILENT, arms: Collection[str] 
 def train_baselines(scene: Scene, baselines: Mapping[str, TrainingSettings], progress: Progress = SILENT) -> None:
     """3DGS from the same observed points and captures, with the refinement's total number of steps.
 
-    Vanilla's rates, densification and resolution are the original 3DGS', the GaussGym condition's the same but that
-    none is added; the same points have this project's, which never densify. On the processor they are trained
-    side by side where Numba's threads bear it: two of a thread each take three quarters of the time that they take
-    one after the other.
+    On the processor they are trained side by side where Numba's threads bear it: two of a thread each take three
+    quarters of the time that they take one after the other.
     """
     h = scene.declaration.settings
     steps = h.rounds * h.training.steps_per_round

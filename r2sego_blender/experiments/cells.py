@@ -10,6 +10,7 @@ from typing import Any
 from ..bundle.artifacts import Artifact
 from ..bundle.figures import BASELINE_METRICS, BASELINES, METRICS
 from ..bundle.keys import step_key
+from ..evaluation.arms import baseline_settings
 from .inputs import SceneInputs
 from .plan import Plan, PlannedPreset, PlannedScene
 
@@ -93,6 +94,8 @@ def cells_of(plan: Plan, inputs: Mapping[str, SceneInputs], folder: Path) -> tup
 
 def _key(inputs: SceneInputs, count: int, preset: PlannedPreset, seed: int, arms: Sequence[str]) -> str:
     """The digest of the library's version, the captures, the frozen views, what else decides scores, and settings."""
-    made_of: list[Any] = [preset.settings(seed), sorted(arms), inputs.options, inputs.captures[:count], inputs.poses]
-    made_of += [inputs.others] if inputs.others else []  # without any, keys are those of before there were some
+    settings = preset.settings(seed)
+    baselines = {arm: own for arm, own in baseline_settings(settings.training).items() if arm in arms}
+    made_of: list[Any] = [settings, baselines, sorted(arms), inputs.options, inputs.captures[:count], inputs.poses]
+    made_of += [inputs.others]
     return step_key(["frozen"], made_of, lambda _: inputs.frozen_sha256)

@@ -8,14 +8,14 @@ from progress_recorder import ProgressRecorder
 from small_bundle import bundle, splats
 
 from r2sego_blender.captures.store import CAPTURES
-from r2sego_blender.config.presets import SPARSE_STABLE_SH3, VANILLA_3DGS
+from r2sego_blender.config.presets import SPARSE_STABLE_SH3, UNBOUNDED, VANILLA_3DGS
 from r2sego_blender.core import threads
 from r2sego_blender.evaluation.arms import ARMS, GAUSSGYM, SAME_POINTS, VANILLA
 from r2sego_blender.evaluation.trained_arms import train_arms
 from r2sego_blender.geometry.stereo.observed_geometry import OBSERVED, ObservedGeometry
 from r2sego_blender.refine.visual_asset import vanilla_asset
 from r2sego_blender.splats.asset import SplatAsset
-from r2sego_blender.splats.formats.ply import save_ply
+from r2sego_blender.splats.formats.ply import load_ply, save_ply
 from r2sego_blender.splats.training.observations import Observation
 
 BASELINES = (VANILLA, GAUSSGYM, SAME_POINTS)
@@ -37,7 +37,7 @@ def scene(tmp_path):
 def _alone(scene, arm, path):
     """The file of what one thread trains with nothing beside it."""
     h = scene.declaration.settings
-    its = {VANILLA: VANILLA_3DGS, GAUSSGYM: SPARSE_STABLE_SH3, SAME_POINTS: {}}[arm]
+    its = {VANILLA: VANILLA_3DGS, GAUSSGYM: SPARSE_STABLE_SH3, SAME_POINTS: UNBOUNDED}[arm]
     observed, rng = scene.read(OBSERVED), np.random.default_rng([h.seed, 1])
     seen = [Observation(capture.camera, capture.image()) for capture in scene.read(CAPTURES)]
     settings = replace(h.training, **its)
@@ -68,3 +68,14 @@ def test_what_is_there_is_passed_over_and_what_lacks_is_trained(scene):
         assert (scene.path / ARMS[SAME_POINTS].asset).stat().st_mtime_ns == before.st_mtime_ns
         train_arms(scene, recorder, BASELINES[1:])
         assert len(recorder.tasks) == 1
+
+
+def test_the_budget_bounds_none_of_them(scene):
+    """It is this project's own: vanilla 3DGS has none, and the points are those that were observed."""
+    observed = scene.read(OBSERVED)
+    fewer = scene.declare(overrides={**scene.declaration.overrides, "training.max_gaussians": 1000})
+    assert len(observed.points) > fewer.declaration.settings.training.max_gaussians
+    with fewer.locked():
+        train_arms(fewer, arms=BASELINES)
+    for arm in (GAUSSGYM, SAME_POINTS):
+        assert len(load_ply(fewer.path / ARMS[arm].asset)) == len(observed.points)
