@@ -23,7 +23,7 @@ UNREGULARISED: Mapping[str, Any] = {"max_scale_m": 0.0, "dropout_share": 0.0, "s
 What many photographs see from all sides needs no more; 3DGS has no more.
 """
 
-UNBOUNDED: Mapping[str, int] = {"max_gaussians": 1_000_000}
+UNBOUNDED: Mapping[str, Any] = {"max_gaussians": 1_000_000}
 """TrainingSettings of methods that have no budget of Gaussians: more than a handful of photographs makes."""
 
 VANILLA_3DGS: Mapping[str, Any] = {
