@@ -71,12 +71,11 @@ def table(scenes: list[Scene], before: str = "") -> str:
         *rows.values(),
         "",
         "PSNR in dB / SSIM, means over complete held-out views, no mask, no colour correction. Vanilla",
-        "3DGS has the original's settings and densification, within as many Gaussians as all arms may have, which",
-        "its points nearly fill ([what that costs](docs/report.md#scores)); it starts from the same observed points",
-        "and trains on the same captures for as many steps, over black; *GaussGym* (its sparse-stable SH3 condition)",
-        "does so without densification, *same points* also at this project's rates. The gain is over the best of the",
-        "three. *No generated views* is Algorithm 1 with its completed geometry and backdrop on captures alone: what",
-        "refined has beyond it, generated views are worth.",
+        "3DGS has the original's settings and densification, starts from the same observed points and trains on the",
+        "same captures for as many steps, over black; *GaussGym* (its sparse-stable SH3 condition) does so without",
+        "densification, *same points* also at this project's rates. None of the three has a budget of Gaussians, and",
+        "the gain is over the best of them. *No generated views* is Algorithm 1 with its completed geometry and backdrop",
+        "on captures alone: what refined has beyond it, generated views are worth.",
         *(f"Made on {date}." if together else f"Made on {date}: {named[date]}." for date in dates),
     ]
     return "\n".join(lines)
