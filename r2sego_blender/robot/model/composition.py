@@ -25,6 +25,8 @@ _TORQUE = Servo(800.0, 60.0)  # N m/rad, N m s/rad
 # Stiffer contacts than MuJoCo's, which let feet sink in by half a centimetre.
 _SOLREF, _SOLIMP = (0.01, 1.0), (0.95, 0.99)
 _MUJOCO_SOLREF = (0.02, 1.0)
+# Of fixed casters: as the embedded wheeled base has them.
+_SKID_FRICTION = (0.01, 0.001, 0.0001)
 _ROBOT_BIT, _SCENE_BIT = 1, 2
 # Contact forces settle well below a millimetre at these; the default is twice as slow.
 _SOLVER_ITERATIONS = 20
@@ -166,6 +168,7 @@ def compose(
     spec.option.iterations = _SOLVER_ITERATIONS
     spec.option.tolerance = _SOLVER_TOLERANCE
     model = compile_scene(spec, collision_mjcf)
+    _let_skids_slide(robot, model)
     of_robot = np.array([model.body(index).name.startswith(_PREFIX) for index in range(model.nbody)])
     joints = [model.joint(_PREFIX + name).id for name in servos]
     legs = tuple(_in_composition(robot, model, leg) for leg in robot.legs)
@@ -190,6 +193,18 @@ def compose(
 
 def _body(robot: RobotModel, model: mujoco.MjModel, body: int) -> int:
     return int(model.body(_PREFIX + robot.model.body(body).name).id)
+
+
+def _let_skids_slide(robot: RobotModel, model: mujoco.MjModel) -> None:
+    """Let fixed casters slide, which would brake the robot with the floor's friction: a URDF has no word for theirs.
+
+    Those with a ``priority`` have a friction of their own.
+    """
+    for geom in robot.skid_geoms:
+        body = int(robot.model.geom_bodyid[geom])
+        here = int(model.body_geomadr[_body(robot, model, body)] + geom - robot.model.body_geomadr[body])
+        if model.geom_priority[here] == 0:
+            model.geom_friction[here], model.geom_priority[here] = _SKID_FRICTION, 1
 
 
 def _in_composition(robot: RobotModel, model: mujoco.MjModel, leg: Leg) -> Leg:

@@ -194,6 +194,15 @@ class RobotModel:
         return tuple(sorted(found))
 
     @property
+    def skid_geoms(self) -> tuple[int, ...]:
+        """What of a rolling robot's base rests on the floor: fixed casters and skids."""
+        if not self.is_wheeled:
+            return ()
+        model, data = self.model, posed(self.model, self.rest_qpos)
+        ours = [geom for geom in colliding(model) if model.geom_bodyid[geom] in fixed_to(model, self.base)]
+        return tuple(int(geom) for geom in ours if lowest_m(model, data, np.array([geom])) < _RESTS_M)
+
+    @property
     def foot_offsets_m(self) -> np.ndarray:
         """(L, 2) x and y of the feet's tips in the base's frame at rest."""
         data = posed(self.model, self.rest_qpos)
