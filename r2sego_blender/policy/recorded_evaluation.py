@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..core.atomic_files import UNFINISHED, flush, remove, swap_in
+from ..core.atomic_files import UNFINISHED, flush, remove, swap_in, unwritable
 from ..core.errors import SettingsError
 from ..core.images import save_image
 from ..core.progress import SILENT, Progress
 from ..results.policy_evaluation import FILE, PolicyEvaluation, head_folder, picture_name
-from ..robot.rollouts.bodies import save_bodies
-from ..robot.rollouts.rollout import Quality, Rollout, save_rollouts
+from ..robot.rollouts.bodies import DESCRIPTION, POSES, SHAPES, save_bodies
+from ..robot.rollouts.rollout import ARRAYS, REASONS, Quality, Rollout, save_rollouts
 from ..views.head_image import HeadView
 from .dagger.bundle_episodes import BundleEpisodes
 from .environment.episode import STEP_S
@@ -91,7 +91,8 @@ def recorded_evaluation(
     """``training.evaluate_policy``, kept in ``folder`` in place of the evaluation that was there.
 
     The folder is written whole, at the end; ``results.policy_evaluation`` says what is in it. Raises SettingsError for
-    more than MOST_EPISODES, and for a folder of something else.
+    more than MOST_EPISODES, for a folder of something else or with more in it, and where none can be made, before
+    the first episode.
     """
     if episodes > MOST_EPISODES:
         cure = "Give fewer --episodes, or leave --record out."
@@ -99,7 +100,14 @@ def recorded_evaluation(
     if folder.exists() and not (folder / FILE).is_file() and not _is_empty(folder):
         cure = "Give a new one: what is there would be replaced."
         raise SettingsError("this is no folder of a recorded evaluation", where=folder, cure=cure)
+    if own := _own_files(folder):
+        raise SettingsError("it would be lost: an evaluation replaces its folder", where=own[0], cure="Move it away.")
     env = task.environment()
+    place = folder.absolute()
+    place.parent.mkdir(parents=True, exist_ok=True)
+    if reason := unwritable(place.parent):
+        cure = "Choose a folder that can be written."
+        raise SettingsError(f"no folder can be made there: {reason}", where=place.parent, cure=cure)
     from .dagger.evaluation import Evaluation
 
     room = RecordedEpisodes(env, seed, task.driver)
@@ -117,7 +125,6 @@ def recorded_evaluation(
         found.failures,
         found.mean_assist_n,
     )
-    place = folder.absolute()
     made = place.with_name(f"{UNFINISHED}{place.name}")
     remove(made)
     made.mkdir(parents=True)
@@ -134,6 +141,14 @@ def recorded_evaluation(
     finally:
         remove(made)
     return found
+
+
+def _own_files(folder: Path) -> list[Path]:
+    """What else a person keeps in the folder of an evaluation."""
+    if not folder.is_dir():
+        return []
+    made = {FILE, ARRAYS, REASONS, SHAPES, POSES, DESCRIPTION, head_folder(folder, 0).parent.name}
+    return [one for one in sorted(folder.iterdir()) if one.name not in made and not one.name.startswith(".")]
 
 
 def _is_empty(folder: Path) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -57,3 +59,17 @@ def test_a_folder_of_something_else_and_too_many_episodes_are_refused(room, tmp_
     with refused(SettingsError, "", "200"):
         recorded_evaluation(Task(room), TEACHER, 201, 0, tmp_path / "new")
     assert [*tmp_path.iterdir()] == [own] and FILE not in own.name
+
+
+def test_what_a_person_keeps_beside_an_evaluation_is_not_replaced(room, tmp_path):
+    for name in (FILE, "notes.md"):
+        (tmp_path / name).write_text("{}")
+    with refused(SettingsError, tmp_path / "notes.md"):
+        recorded_evaluation(Task(room), TEACHER, 1, 0, tmp_path)
+    assert sorted(one.name for one in tmp_path.iterdir()) == sorted([FILE, "notes.md"])
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="a folder that takes nothing from root either")
+def test_a_folder_that_cannot_be_made_is_told_before_the_policy_is_looked_at(room, tmp_path):
+    with refused(SettingsError, "/proc"):
+        recorded_evaluation(Task(room), tmp_path / "no training", 1, 0, Path("/proc/new"))

@@ -16,7 +16,7 @@ from ...core.arrays import opened_arrays, require_finite, require_shapes, save_a
 from ...core.errors import RobotError
 from ...core.json_files import opened_json, write_json
 
-_ARRAYS, REASONS = "rollouts.npz", "rollouts.json"
+ARRAYS, REASONS = "rollouts.npz", "rollouts.json"
 _UNIT_WITHIN = 1e-3
 _FRAMES = ("qpos", "times_s", "camera_poses")
 _TOLD = {"success": bool, "reason": str, "frame": int, "behaviour": str, "detail": str, "controller": str}
@@ -110,7 +110,7 @@ def save_rollouts(folder: Path, rollouts: Sequence[Rollout]) -> None:
                 "warnings": list(rollout.warnings),
             }
         )
-    save_arrays(folder / _ARRAYS, **arrays)
+    save_arrays(folder / ARRAYS, **arrays)
     failures = Counter(rollout.reason for rollout in rollouts if not rollout.success)
     summary = {"attempts": len(rollouts), "failures": dict(failures), "rollouts": records}
     write_json(folder / REASONS, summary)
@@ -130,7 +130,7 @@ def load_rollouts(folder: Path) -> tuple[Rollout, ...]:
             for record in words["rollouts"]
         ]
     rollouts = []
-    with opened_arrays(folder / _ARRAYS, RobotError, what) as data:
+    with opened_arrays(folder / ARRAYS, RobotError, what) as data:
         for index, record in enumerate(records):
             arrays = {name: data[f"{name}_{index:04d}"] for name in _FRAMES}
             require_shapes(arrays, qpos="T Q", times_s="T", camera_poses="T 4 4")
