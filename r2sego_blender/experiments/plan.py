@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
@@ -19,6 +19,7 @@ from ..core.errors import ExperimentError, SettingsError
 from ..core.file_names import caseless, plain_name
 from ..core.printable import printable
 from ..evaluation.arms import ARMS, DEFAULT_ARMS
+from ..results.panels.scene_choices import robot_choices, scope_choices
 from .datasets.registry import DATASETS
 
 MOST_CELLS = 10_000
@@ -52,12 +53,18 @@ def _place(value: str, where: Path) -> Path:
     return place
 
 
-def _file_or_name(value: Any, where: Path) -> str:
-    """A name, or the whole path of a file that the declaring one names relative to its own folder."""
-    if not isinstance(value, str) or "\0" in value:
-        raise ValueError("Write a name, or a path in quotes.")
-    file = _place(value, where)
-    return str(file) if file.is_file() else value
+def _file_or(names: Sequence[str]) -> Callable[[Any, Path], str]:
+    """One of the names, or the whole path of a file that the declaring one names relative to its own folder."""
+
+    def read(value: Any, where: Path) -> str:
+        if not isinstance(value, str) or "\0" in value:
+            raise ValueError("Write a name, or a path in quotes.")
+        file = _place(value, where)
+        if value and value not in names and not file.is_file():
+            raise ValueError(did_you_mean(value, names, f"Give {', '.join(names)} or a file that is there."))
+        return str(file) if file.is_file() else value
+
+    return read
 
 
 def _overrides(value: Any, _where: Path) -> Overrides:
@@ -95,8 +102,8 @@ class PlannedScene:
     frozen: Path = setting(doc="cameras.json with a 'frozen' list, or a folder of held-out photographs.", read=_path)
     name: str = setting("", "Its name in tables; by default the folder's.", read=_name)
     poses: Path | None = setting(None, "Poses of the photographs; by default what lies there, else solved.", read=_path)
-    robot: str = setting("", "As for `r2sego new`.", read=_file_or_name)
-    scope: str = setting("", "As for `r2sego new`.", read=_file_or_name)
+    robot: str = setting("", "As for `r2sego new`.", read=_file_or(robot_choices()))
+    scope: str = setting("", "As for `r2sego new`.", read=_file_or(scope_choices()))
     camera_height: str = setting("", "As for `r2sego new`: metres, or robot.", read=_camera_height)
     overrides: Overrides = setting((), "Settings captures.* of the import.", read=_overrides)
 
