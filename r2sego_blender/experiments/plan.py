@@ -196,10 +196,10 @@ def _checked(plan: Plan, reader: Reader) -> None:
     if plan.refined_counts and not any(arm in BASELINES for arm in plan.arms):
         wrong("refined_counts", "leaves other counts without an arm", "Take it away, or add methods of others to arms.")
     for index, scene in enumerate(plan.scenes):
-        if scene.is_bundle and (plan.counts or scene.poses or scene.overrides):
-            cure = (
-                "A bundle has its captures: give the folder of photographs, or take counts, poses and overrides away."
-            )
+        own = ("poses", "robot", "scope", "camera_height", "overrides")
+        given = [*["counts"] * bool(plan.counts), *(name for name in own if getattr(scene, name))]
+        if scene.is_bundle and given:
+            cure = f"A bundle has its own: give the folder of photographs, or take {', '.join(given)} away."
             wrong(f"scenes[{index}].captures", "is a bundle", cure)
         _refuse_settings(dict(scene.overrides), f"scenes[{index}].overrides", True, reader)
     for index, one in enumerate(plan.presets):

@@ -103,6 +103,9 @@ def test_a_bundle_has_its_captures(plan_file, tmp_path):
     new_bundle(tmp_path / "made.r2s")
     of_bundle = SCENE.replace('"room"', '"made.r2s"')
     assert load(plan_file, of_bundle).scenes[0].is_bundle
+    for given in ('robot = "embedded:wheeled"', 'scope = "sit_down"', "camera_height = 1.5"):
+        with pytest.raises(ExperimentError, match=given.split()[0]):
+            load(plan_file, f"{of_bundle}{given}\n")
     with pytest.raises(ExperimentError, match=r"scenes\[0\]\.captures is a bundle"):
         load(plan_file, "counts = [3]\n" + of_bundle)
 
