@@ -145,12 +145,12 @@ def run_plan(plan: Plan, run: RunOptions) -> None:
     output = run.output
     if run.cluster is not None and run.processes:
         raise click.UsageError("Give one of --processes and --ray.")
+    store = None if run.store is None else ObjectStore.at(run.store)
     if run.dry_run:
         found = Experiment.of(plan, run.folder, output.progress, write=False)
         output.show(_told(found, {}), _lines)
         return
     opened = None if run.cluster is None else ray_runner(run.cluster, output.progress.message)
-    store = None if run.store is None else ObjectStore.at(run.store)
     found, failures = run_experiment(plan, run.folder, run.processes, output.progress, cluster=opened, store=store)
     output.show(_told(found, failures), _lines)
     sys.exit(1 if failures and not output.as_events else 0)

@@ -201,6 +201,12 @@ def test_a_dry_run_says_what_is_done_and_writes_nothing(plan_file, control, tmp_
     assert [cell["state"] for cell in cells] == ["done", "left", "left", "left"]
 
 
+def test_a_dry_run_refuses_a_storage_that_the_run_would_refuse(plan_file, tmp_path):
+    asked = ["experiment", str(plan_file), "--out", str(tmp_path / "out"), "--store", "ftp://host/folder", "--dry-run"]
+    told = CliRunner().invoke(main, asked)
+    assert told.exit_code != 0 and "ftp://host/folder" in told.output
+
+
 RUNNER = f"""
 import sys
 from pathlib import Path

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ...config.fields import Range
+from ...core.errors import TrialError
 from .declaration import Declaration
 from .trial_plan import FloorPose, PlannedPolicy, PlannedTrial, TrialPlan, parsed_plan, plan_bytes
 
@@ -16,7 +17,7 @@ from .trial_plan import FloorPose, PlannedPolicy, PlannedTrial, TrialPlan, parse
 def drawn_plan(declared: Declaration, file: Path) -> TrialPlan:
     """The plan of what ``file`` declares, whose policies lie beside it; the same each time.
 
-    Raises TrialError where a policy's file is missing or another.
+    Raises TrialError where a policy's file is missing, another, or that of two policies.
     """
     rng = np.random.default_rng(declared.seed)
     labels = [f"policy {number + 1}" for number in rng.permutation(len(declared.policies))]
@@ -32,6 +33,11 @@ def drawn_plan(declared: Declaration, file: Path) -> TrialPlan:
         )
         for policy, label in zip(declared.policies, labels, strict=True)
     )
+    by_content: dict[str, PlannedPolicy] = {}
+    for policy in policies:
+        if (other := by_content.setdefault(policy.sha256, policy)) is not policy:
+            what = f"have one content in {other.condition}, seed {other.seed} and {policy.condition}, seed {policy.seed}"
+            raise TrialError(f"policies {what}", where=file, cure="Name the file that each was trained to.")
     plan = TrialPlan(
         format=1,
         name=declared.name,

@@ -257,3 +257,10 @@ def test_a_policy_is_the_one_that_was_declared(tmp_path):
         file.write_text(text.replace(named, wrong))
         with pytest.raises(TrialError):
             freeze_plan(file)
+
+
+def test_two_policies_of_one_content_are_refused(tmp_path):
+    file = declared(tmp_path)
+    (tmp_path / "R2S-EGO_2.onnx").write_text("GaussGym 2")
+    with pytest.raises(TrialError, match=r"GaussGym, seed 2 and R2S-EGO, seed 2"):
+        freeze_plan(file)
