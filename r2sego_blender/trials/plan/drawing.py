@@ -36,7 +36,9 @@ def drawn_plan(declared: Declaration, file: Path) -> TrialPlan:
     by_content: dict[str, PlannedPolicy] = {}
     for policy in policies:
         if (other := by_content.setdefault(policy.sha256, policy)) is not policy:
-            what = f"have one content in {other.condition}, seed {other.seed} and {policy.condition}, seed {policy.seed}"
+            what = (
+                f"have one content in {other.condition}, seed {other.seed} and {policy.condition}, seed {policy.seed}"
+            )
             raise TrialError(f"policies {what}", where=file, cure="Name the file that each was trained to.")
     plan = TrialPlan(
         format=1,
