@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 
 from ...core.arrays import arrays_of, load_array
 from ...core.errors import CaptureError, NativeError
+from ...core.file_names import caseless
 from ...core.image_sizes import require_sensible_size
 from ...core.images import stored_values
 from ...core.resources import limit_memory
@@ -108,9 +109,20 @@ class SensorDepth:
 
 
 def _named(folder: Path, stem: str, suffixes: tuple[str, ...]) -> Path | None:
-    """The file of this name with the first of the suffixes that is there, in small letters or in capitals."""
-    spelled = (name for suffix in suffixes for name in (f"{stem}{suffix}", f"{stem}{suffix.upper()}"))
-    return next((path for name in spelled if (path := folder / name).is_file()), None)
+    """The file of this name with one of the suffixes, else of one that differs in case or in how Unicode composes it.
+
+    Raises CaptureError where there are several: a model's program writes a picture to look at beside each map.
+    """
+    files = [path for path in folder.iterdir() if path.suffix.lower() in suffixes and path.is_file()]
+    found = [path for path in files if path.stem == stem]
+    found = sorted(found or [path for path in files if caseless(path.stem) == caseless(stem)])
+    if len(found) > 1:
+        raise CaptureError(
+            f"{' and '.join(path.name for path in found)} may both be the map of one photograph",
+            where=folder,
+            cure="Keep one of them there.",
+        )
+    return found[0] if found else None
 
 
 def map_in_own_unit(folder: Path, stem: str, capture: Capture) -> np.ndarray | None:
@@ -177,6 +189,8 @@ def _read_arrays(path: Path) -> np.ndarray:
         if path.suffix.lower() == ".npy":
             return load_array(path)
         with arrays_of(path) as arrays:
+            if "depth" not in arrays and len(arrays) > 1:
+                raise ValueError(f"of {', '.join(arrays)} none is called depth")
             return arrays["depth" if "depth" in arrays else arrays.files[0]]
     except (OSError, EOFError, ValueError, LookupError) as error:
         raise _unreadable(path, f"it holds no array ({error})") from error
@@ -203,18 +217,32 @@ def read_exr_in_child(request: dict[str, Any]) -> dict[str, Any]:
     path = Path(request["path"])
     try:
         with OpenEXR.File(str(path), header_only=True) as image:
-            low, high = (corner.astype(np.int64) for corner in image.header()["dataWindow"])
-        width, height = (int(side) for side in high - low + 1)
-        require_sensible_size(path, width, height, path.stat().st_size)
+            for part in image.parts:
+                low, high = (corner.astype(np.int64) for corner in part.header["dataWindow"])
+                width, height = (int(side) for side in high - low + 1)
+                require_sensible_size(path, width, height, path.stat().st_size)
         with OpenEXR.File(str(path), separate_channels=True) as image:
-            channels = {name: channel.pixels for name, channel in image.channels().items()}
-        name = next((name for name in ("Z", "Y", "R") if name in channels), min(channels))
+            channels = {
+                name if "." in name else f"{part.name()}.{name}".lstrip("."): channel.pixels
+                for part in image.parts
+                for name, channel in part.channels.items()
+            }
     except CaptureError:
         raise
     except Exception as error:  # it has no class of its own
         raise _unreadable(path, "it is no EXR image") from error
-    np.save(request["copy"], channels[name])
+    chosen = _depth_channels(list(channels))
+    if not chosen or not all(np.array_equal(channels[name], channels[chosen[0]], equal_nan=True) for name in chosen):
+        raise _unreadable(path, f"none of its channels {', '.join(sorted(channels))} is called Z or depth")
+    np.save(request["copy"], channels[chosen[0]])
     return {}
+
+
+def _depth_channels(names: Sequence[str]) -> list[str]:
+    """Those of an EXR's channels that are its depth, if they are equal: of a renderer's layers ``Depth.Z``."""
+    visible = [name for name in names if name.rpartition(".")[2] != "A"]
+    of_depth = [name for name in visible if "depth" in name.lower().split(".")]
+    return ["Z"] if "Z" in names else of_depth or visible
 
 
 def _upright(depth: np.ndarray, capture: Capture, path: Path) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 import zipfile
 
 import cv2
@@ -119,3 +120,73 @@ def test_points_are_no_depth(tmp_path, capture):
     np.save(tmp_path / "c.npy", np.stack([_slope(), -_slope(), 2.0 * _slope()], axis=-1))
     with pytest.raises(CaptureError, match=r"c\.npy: .*no depth map"):
         SensorDepth(tmp_path).of(capture, "c")
+
+
+def _write_exr(path, *parts):
+    """An EXR of one or more parts, each a name and its channels."""
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with OpenEXR.File([OpenEXR.Part(dict(header), channels, name) for name, channels in parts]) as image:
+        image.write(str(path))
+
+
+def _colours(layer=""):
+    grey = np.full((24, 32), 0.5, np.float32)
+    return {f"{layer}R": grey, f"{layer}G": 0.5 * grey, f"{layer}B": 0.2 * grey, f"{layer}A": np.ones_like(grey)}
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        [("", {**_colours(), "Z": _slope()})],
+        [
+            (
+                "",
+                {
+                    **_colours("ViewLayer.Combined."),
+                    "ViewLayer.Depth.Z": _slope(),
+                    "ViewLayer.Normal.Z": _slope()[::-1],
+                },
+            )
+        ],
+        [("ViewLayer.Combined", _colours()), ("ViewLayer.Depth", {"Z": _slope()})],
+        [("", {"R": _slope(), "G": _slope(), "B": _slope(), "A": np.ones((24, 32), np.float32)})],
+        [("", {"V": _slope()})],
+    ],
+    ids=["beside colours", "of layers", "of parts", "as colours", "alone"],
+)
+def test_of_an_exr_with_colours_its_depth_is_taken(tmp_path, capture, parts):
+    """Blender's multilayer files among them, whose first channel is the transparency of the picture."""
+    _write_exr(tmp_path / "c.exr", *parts)
+    np.testing.assert_array_equal(SensorDepth(tmp_path).of(capture, "c"), _slope())
+
+
+def test_an_exr_of_colours_is_no_depth(tmp_path, capture):
+    _write_exr(tmp_path / "c.exr", ("", _colours()))
+    with pytest.raises(CaptureError, match=r"c\.exr: .*no depth map"):
+        SensorDepth(tmp_path).of(capture, "c")
+
+
+def test_of_several_arrays_that_of_depth_is_taken(tmp_path, capture):
+    np.savez(tmp_path / "c.npz", conf=np.ones((24, 32), np.float32), depth=_slope())
+    np.testing.assert_array_equal(SensorDepth(tmp_path).of(capture, "c"), _slope())
+    np.savez(tmp_path / "c.npz", conf=np.ones((24, 32), np.float32), far=_slope())
+    with pytest.raises(CaptureError, match=r"c\.npz: .*conf, far"):
+        SensorDepth(tmp_path).of(capture, "c")
+
+
+def test_two_maps_of_one_photograph_are_refused(tmp_path, capture):
+    """A model's program writes a picture to look at beside each array."""
+    np.save(tmp_path / "c.npy", _slope())
+    cv2.imwrite(str(tmp_path / "c.png"), np.full((24, 32), 128, np.uint8))
+    for read in (lambda: map_in_own_unit(tmp_path, "c", capture), lambda: SensorDepth(tmp_path).of(capture, "c")):
+        with pytest.raises(CaptureError, match=r"c\.npy and c\.png"):
+            read()
+
+
+@pytest.mark.parametrize("name", ["KÜCHE.npy", unicodedata.normalize("NFD", "Küche.npy")])
+def test_a_map_may_be_called_in_another_case_or_composition(tmp_path, capture, name):
+    """As a Mac or a copy by Windows leaves it; one that is called exactly so goes before it."""
+    np.save(tmp_path / name, _slope())
+    np.testing.assert_array_equal(SensorDepth(tmp_path).of(capture, "Küche"), _slope())
+    np.save(tmp_path / "Küche.npy", 2.0 * _slope())
+    np.testing.assert_array_equal(SensorDepth(tmp_path).of(capture, "Küche"), 2.0 * _slope())
