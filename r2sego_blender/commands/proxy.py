@@ -8,7 +8,8 @@ from typing import Any
 import click
 
 from ..bundle.scene import Scene
-from .options import ANY_PATH, FOLDER, Output, output_options, overrides_of, round_option
+from ..core.errors import SettingsError
+from .options import ANY_PATH, FOLDER, Output, names_of, output_options, overrides_of, round_option
 
 
 @click.command()
@@ -22,6 +23,7 @@ from .options import ANY_PATH, FOLDER, Output, output_options, overrides_of, rou
 @click.option("--find", is_flag=True, help="Take what stands free in the observed geometry for objects.")
 @click.option("--segment", metavar="WORDS", help="Let SAM 3 mask what WORDS, with commas between, name.")
 @click.option("--library", type=FOLDER, help="Folder of meshes that shapes are looked for in.")
+@click.option("--no-library", is_flag=True, help="Look for shapes in no folder any more.")
 @click.option("--mesh", "meshes", multiple=True, metavar="NAME=FILE", help="An object's own mesh; repeatable.")
 @click.option("--generate", multiple=True, metavar="NAME", help="Let SAM 3D make its mesh; repeatable.")
 @click.option(
@@ -46,12 +48,15 @@ def objects(scene: Path, output: Output, **given: Any) -> None:
     from ..editing.object_priors import declare_objects, describe_objects, lines
 
     opened = Scene.open(scene)
-    if any(given.values()):
+    if given["segment"] is not None or any(given.values()):
         meshes, place = (
             {name: Path(file) for name, file in overrides_of(given.pop(key), form).items()}
             for key, form in (("meshes", "--mesh NAME=FILE"), ("place", "--place NAME=FILE.json"))
         )
-        words = (given.pop("segment") or "").split(",")
+        segment = given.pop("segment")
+        words = () if segment is None else names_of(segment)
+        if segment is not None and not words:
+            raise SettingsError("no word is given", where="--segment", cure="For example --segment chair,table.")
         declare_objects(opened, **given, vocabulary=words, meshes=meshes, place=place)
     output.show(describe_objects(Scene.open(scene)), lines)
 
@@ -74,6 +79,12 @@ def edit_proxy(scene: Path, only_list: bool, output: Output, **given: Any) -> No
     from ..editing.proxy_edits import describe_edits, lines
     from ..editing.proxy_edits import edit_proxy as change
 
+    if given["name"] and not (given["cut"] or given["draw"]):
+        raise SettingsError(
+            f"nothing is cut or drawn that could be called '{given['name']}'",
+            where="--name",
+            cure="Give --cut FILE.npz or --draw FILE with it.",
+        )
     opened = Scene.open(scene)
     if not only_list and (given["cut"] or given["draw"] or given["remove"]):
         change(opened, **given)

@@ -44,6 +44,7 @@ def declare_objects(
     find: bool = False,
     vocabulary: Sequence[str] = (),
     library: Path | None = None,
+    no_library: bool = False,
     meshes: Mapping[str, Path] | None = None,
     generate: Sequence[str] = (),
     place: Mapping[str, Path] | None = None,
@@ -59,7 +60,7 @@ def declare_objects(
     ``masks`` replaces the objects by those of a folder (``read_masks``), ``find`` by what
     geometry alone takes for objects (``clusters``), words in ``vocabulary`` by what SAM 3 finds
     for them; masks of a name that is there already keep its mesh, pose and decision.
-    ``library`` is the folder shapes are looked for in; ``meshes`` gives single objects
+    ``library`` is the folder shapes are looked for in, ``no_library`` withdraws it; ``meshes`` gives single objects
     a mesh of their own, ``generate`` one that SAM 3D makes.
     ``place`` sets poses by hand, from files as ``placement.json``; without a mesh of its own an
     object takes the one of the last run. ``lock`` holds the last run's alignments as they are,
@@ -71,6 +72,7 @@ def declare_objects(
     """
     words = [word.strip() for word in vocabulary if word.strip()]
     _require_one("the objects are given in two ways", [one for one in (masks, words, find) if one], 1)
+    _require_one("a library is given and withdrawn", [one for one in (library, no_library) if one], 1)
     for said in ((*accept, *reject, *reconsider), (*lock, *unlock, *(place or {}))):
         _require_one("an object is decided on twice", said, len(set(said)))
     with scene.locked(), ScratchFolder() as temporary:
@@ -108,6 +110,8 @@ def declare_objects(
                 save_objects(folder, list(objects.values()), [capture.name for capture in captures])
         else:  # as before the first: an empty folder would have all redone
             remove_files(scene.path / layout.OBJECTS)
+        if no_library:
+            return scene.declare(mesh_library="")
         return scene if library is None else scene.declare(mesh_library=str(found))
 
 

@@ -218,3 +218,9 @@ def demo(tmp_path):
 
     refine(made, runner=StandIn(made))
     return made
+
+
+def test_a_name_without_an_edit_is_refused(scene):
+    result = run("edit-proxy", scene.path, "--name", "table")
+    assert result.exit_code != 0 and "--name" in result.output
+    assert describe_edits(scene) == {"edits": []}

@@ -286,3 +286,21 @@ def test_objects_are_taken_away_the_last_one_too(scene, masks, library, tmp_path
         declare_objects(scene, remove=["chair"], reject=["chair"])
     declare_objects(scene, masks=masks)
     assert set(_objects(scene)) == {"chair", "table"}
+
+
+def test_a_library_is_withdrawn_and_objects_that_hold_its_meshes_keep_them(scene, masks, library):
+    scene = declare_objects(scene, masks=masks, library=library)
+    _as_if_run(scene, np.eye(4))
+    with pytest.raises(GeometryError, match="library"):
+        declare_objects(scene, library=library, no_library=True)
+    left = declare_objects(scene, lock=["chair"], no_library=True)
+    assert left.declaration.mesh_library == Scene.open(scene.path).declaration.mesh_library == ""
+    assert _objects(scene)["chair"].mesh is not None and _objects(scene)["table"].mesh is None
+    result = CliRunner().invoke(main, ["objects", str(scene.path), "--no-library"])
+    assert result.exit_code == 0, result.output
+
+
+@pytest.mark.parametrize("words", ["", " , "])
+def test_no_words_to_segment_are_refused(scene, words):
+    result = CliRunner().invoke(main, ["objects", str(scene.path), "--segment", words])
+    assert result.exit_code != 0 and "--segment" in result.output
