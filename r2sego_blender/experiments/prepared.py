@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..config.declared_files import did_you_mean, shipped_names
+from ..config.declared_files import did_you_mean
 from ..core.errors import ExperimentError
 from ..core.progress import SILENT, Progress
 from .datasets.registry import dataset
@@ -19,9 +19,6 @@ _OF_DATASETS = Path(__file__).parent / "datasets" / "plan.toml"
 
 SCENES = "scenes"
 """The folder in an experiment's that holds a data set's scenes as they are used."""
-
-PREPARED = shipped_names(_PLANS)
-"""The names of the prepared plans."""
 
 
 def prepared_plan(name: str, data: Path, scenes: Sequence[str] = ()) -> Plan:

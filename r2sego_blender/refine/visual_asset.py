@@ -214,8 +214,7 @@ def vanilla_asset(
     settings: TrainingSettings,
     rng: np.random.Generator,
     progress: Progress = SILENT,
-    title: str = "Training vanilla 3DGS",
 ) -> SplatAsset:
     """The baseline: 3DGS from the observed points (P, 3), trained on the captures alone."""
     start = from_points(points, colours, settings, rng)
-    return train(start, captures, steps, settings, rng, progress, title)
+    return train(start, captures, steps, settings, rng, progress, "Training vanilla 3DGS")

@@ -11,6 +11,7 @@ from expected_errors import refused
 from r2sego_blender.captures.frame.scale import Scale
 from r2sego_blender.captures.frame.world_frame import register
 from r2sego_blender.captures.importing import Imported, import_captures
+from r2sego_blender.captures.matching.features import sift
 from r2sego_blender.captures.solving.locating import landmarks, locate, locate_views
 from r2sego_blender.captures.sparse import depth_ranges, poorly_matched, triangulate
 from r2sego_blender.captures.sparse_points import SparsePoints
@@ -167,9 +168,9 @@ def test_held_out_photographs_are_located(sparse, room_captures, room, tmp_path,
 
 def test_photographs_are_located_by_matches_as_clear_as_is_set(sparse, room_captures):
     held_out, known = room_captures[2], landmarks(room_captures[:2], sparse, SETTINGS)
+    features = sift(held_out.image(), SETTINGS.max_features)
     strict, loose = (
-        locate(held_out.image(), held_out.camera, known, replace(SETTINGS, match_ratio=ratio), seed=0)
-        for ratio in (0.5, 0.95)
+        locate(features, held_out.camera, known, replace(SETTINGS, match_ratio=ratio), seed=0) for ratio in (0.5, 0.95)
     )
     assert 15 < len(strict.inliers) < 0.9 * len(loose.inliers)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -10,12 +11,13 @@ from dataset_folders import semantic_nerf
 from fake_experiment import PROGRAM, finished, pictures
 
 from r2sego_blender.commands.cli import main
-from r2sego_blender.commands.reproduce import reproduce
+from r2sego_blender.commands.reproduce import PREPARED, reproduce
 from r2sego_blender.core.errors import ExperimentError
 from r2sego_blender.evaluation.arms import REFINED, VANILLA
+from r2sego_blender.experiments import prepared
 from r2sego_blender.experiments.experiment import Experiment, run_experiment
 from r2sego_blender.experiments.gathering import MARKDOWN
-from r2sego_blender.experiments.prepared import PREPARED, DatasetChoice, dataset_plan, prepared_plan, scenes_in
+from r2sego_blender.experiments.prepared import DatasetChoice, dataset_plan, prepared_plan, scenes_in
 
 
 @pytest.fixture
@@ -33,7 +35,6 @@ def test_every_prepared_plan_can_be_run_on_scenes_and_compares_with_others(data,
     assert [scene.name for scene in plan.scenes] == ["office_2", "room_0"]
     assert plan.scenes[0].captures == data / "office_2" and plan.scenes[0].frozen == data / "office_2/cameras.json"
     assert {VANILLA, REFINED} <= set(plan.arms) and plan.counts[0] == 6
-    assert set(reproduce.commands) == {*PREPARED, "table3"}  # the last is of policies
 
 
 def test_variants_of_table_2_have_as_many_views_and_steps(data):
@@ -51,6 +52,11 @@ def test_scenes_are_chosen_by_name(data):
     for empty in (data / "notes", data / "nothing"):
         with pytest.raises(ExperimentError, match="no scene"):
             scenes_in(empty)
+
+
+def test_every_plan_that_comes_along_has_a_command():
+    plans = {file.stem for file in Path(prepared.__file__).with_name("plans").iterdir()}
+    assert plans == set(PREPARED) and set(reproduce.commands) == {*plans, "table3"}  # the last is of policies
 
 
 def test_a_prepared_plan_is_run_as_any(tmp_path):

@@ -31,7 +31,6 @@ _PART = "Shape priors"
 _KEY = "r2sego_prior"
 _COLOURS = {True: (0.82, 0.30, 0.25), False: (0.13, 0.62, 0.59)}  # refused, and prior teal
 _POINTS = 300
-_CURE = "Run `r2sego refine` again."
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,6 @@ from ...core.errors import SceneError
 from ...robot.scope.region import Polygon, area_m2, problem_of
 from ..shared.simplified_viewport import every_face
 
-_MOST_CORNERS = 500
-
 
 def outline_of(shown: bpy.types.Object | None, depsgraph: bpy.types.Depsgraph) -> Polygon:
     """The polygon around a mesh or curve, seen from above, metres in the world.

@@ -20,7 +20,7 @@ from ...core.images import image_files
 from ...core.progress import SILENT, Progress
 from ..capture import Capture
 from ..matching.detection import sift_each
-from ..matching.features import Features, match, sift
+from ..matching.features import Features, match
 from ..matching.xfeat import LEAST_EXPECTED, match_xfeat
 from ..poses.photographs import upright_size
 from ..sparse_points import SparsePoints
@@ -98,7 +98,7 @@ def locate_views(
     views = [_unposed(path, captures) for path in paths]
     detected = _features(views, settings, progress, "Locating photographs: features")
     estimates = [
-        _located(features, view.camera, known, settings, seed)
+        locate(features, view.camera, known, settings, seed)
         for features, view in zip(detected, progress.track(views, "Locating photographs"), strict=True)
     ]
     missed = [index for index, estimate in enumerate(estimates) if estimate is None]
@@ -121,20 +121,14 @@ def locate_views(
     return tuple(located)
 
 
-def locate(
-    image: np.ndarray, camera: Camera, known: Landmarks, settings: CaptureSettings, seed: int
-) -> PoseEstimate | None:
-    """The pose of an undistorted image (H, W, 3) with ``camera``'s lens, or None."""
-    return _located(sift(image, settings.max_features), camera, known, settings, seed)
-
-
 def _features(views: Sequence[Capture], settings: CaptureSettings, progress: Progress, title: str) -> list[Features]:
     return sift_each(lambda index: views[index].image(), len(views), settings.max_features, progress, title)
 
 
-def _located(
+def locate(
     features: Features, camera: Camera, known: Landmarks, settings: CaptureSettings, seed: int
 ) -> PoseEstimate | None:
+    """The pose of an undistorted image, by its ``features``, with ``camera``'s lens, or None."""
     return _posed(*known.matched(features, settings.match_ratio), camera, settings, seed)
 
 

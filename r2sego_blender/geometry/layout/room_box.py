@@ -10,7 +10,7 @@ from ...core.cameras import Camera
 from .segments import room_axes
 
 SIDES = ("x low", "x high", "y low", "y high", "floor", "ceiling")
-FLOOR, CEILING = 4, 5
+FLOOR = 4
 
 
 @dataclass(frozen=True)

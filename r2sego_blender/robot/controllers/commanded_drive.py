@@ -33,8 +33,6 @@ _PELVIS_HEIGHT = 0.955
 # What is lower above the floor carries nobody who sits: who has fallen down is not seated.
 _FLOOR_M = 0.1
 _DT = 1.0 / RATE_HZ
-# Share of a frame's acceleration in the smoothed one: footsteps begin and end abruptly.
-_SMOOTHING = 0.5
 # TWIST2 follows a reference from afar; one that stops for it and steps on all the same would make it step back.
 _TRACKER_LEASH = Leash(m=(0.35, 0.7), rad=(0.5, 0.8))
 
