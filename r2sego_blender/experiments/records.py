@@ -155,7 +155,7 @@ def made_by() -> Mapping[str, str]:
     return {
         "version": __version__,
         "commit": _commit(),
-        "processor": _processor(),
+        "processor": processor(),
         "cores": str(os.cpu_count() or ""),
         "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
@@ -173,7 +173,8 @@ def _commit() -> str:
     return ""
 
 
-def _processor() -> str:
+def processor() -> str:
+    """The processor's name as the system tells it."""
     with contextlib.suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines():
             if line.startswith("model name"):

@@ -7,7 +7,6 @@ standard input names the folder of the next clip, so that a large model is loade
 
 from __future__ import annotations
 
-import contextlib
 import stat
 import time
 from collections.abc import Sequence
@@ -20,12 +19,12 @@ from .protocol.asking import Tell
 from .protocol.response import Limits, RefusedRequestError
 from .protocol.running import RunningProgram
 from .protocol.serving import REQUEST_FILE, Answer, write_answer
+from .signed_records import read_record
 
 PROTOCOL = 1
 """Version of what a generator's program is asked and tells."""
 
 _FOLDERS = ("frames", "confidence")
-_MOST_BYTES = 1 << 20
 _LONGEST_WORDS = 300
 
 
@@ -56,8 +55,8 @@ class GeneratorProgram:
             self.close()
             self._program = RunningProgram([*self._command, str(request)], self.name, self.cure, "generator")
         file = request / "result.json"
-        status = self._program.wait(lambda: bool(_read(file).get("waits")), request, tell, limits)
-        result = _read(file)
+        status = self._program.wait(lambda: bool(read_record(file).get("waits")), request, tell, limits)
+        result = read_record(file)
         self._check(self._program, result, status)
         if status is not None:
             self.close()
@@ -100,11 +99,3 @@ def _frames(folder: Path) -> dict[str, Path]:
             files = sorted((folder / name).glob("[0-9][0-9][0-9].png"))
             found |= {f"{name}/{file.name}": file for file in files if stat.S_ISREG(file.lstat().st_mode)}
     return found
-
-
-def _read(file: Path) -> dict[str, Any]:
-    """The JSON object in ``file``; {} where there is none, or one that is still being written."""
-    with contextlib.suppress(OSError, ValueError):
-        result = read_json(file, _MOST_BYTES)
-        return result if isinstance(result, dict) else {}
-    return {}

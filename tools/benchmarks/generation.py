@@ -31,6 +31,7 @@ from r2sego_blender.core.progress import SILENT, Progress
 from r2sego_blender.evaluation.error_causes import CAUSES, causes, split
 from r2sego_blender.evaluation.frozen_views import frozen_views
 from r2sego_blender.evaluation.ground_truth import GroundTruth, load_ground_truth
+from r2sego_blender.experiments.records import processor
 from r2sego_blender.generation.conditions.conditions import Condition, ZBufferRenderer
 from r2sego_blender.generation.generators.blending import BlendingGenerator
 from r2sego_blender.generation.generators.slot import Frame
@@ -44,7 +45,6 @@ from r2sego_blender.refine.depths import proxy_depths, reliable_depths
 from r2sego_blender.splats.metrics import psnr, ssim
 from r2sego_blender.views.references import select_reference
 
-from .machine import processor
 from .steadiness import flow_differences
 from .truth.true_objects import declare_true_objects
 

@@ -27,6 +27,7 @@ from r2sego_blender.core.errors import GeometryError
 from r2sego_blender.core.progress import SILENT, Progress
 from r2sego_blender.core.resources import cpu_s, forget_peak_memory, peak_memory_mb
 from r2sego_blender.evaluation.ground_truth import GroundTruth, load_ground_truth
+from r2sego_blender.experiments.records import processor
 from r2sego_blender.geometry.objects.prior_files import PRIOR_RECORDS
 from r2sego_blender.geometry.proxy.proxy import PROXY
 from r2sego_blender.geometry.stereo.observed_geometry import OBSERVED
@@ -37,7 +38,6 @@ from r2sego_blender.refine.creation import create_scene
 from r2sego_blender.refine.steps import Steps
 from r2sego_blender.splats.artifacts import INITIAL_ASSET
 
-from .machine import processor
 from .truth.disturbance import disturbed_captures
 from .truth.geometry_scores import depth_score, mesh_score
 from .truth.true_objects import TrueObject, declare_true_objects

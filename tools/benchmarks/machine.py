@@ -6,11 +6,8 @@ add in registers and one that does nothing but pass through memory.
 
 from __future__ import annotations
 
-import contextlib
-import platform
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 from llvmlite import binding as llvm
@@ -46,15 +43,6 @@ def isa() -> str:
 
 _CHAINS = 12 if isa() == "avx512" else 6
 """Sums that do not wait for each other: enough to fill the units, few enough for the registers."""
-
-
-def processor() -> str:
-    """The processor's name as the system tells it."""
-    with contextlib.suppress(OSError):
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
 
 
 def fma_rate_per_s() -> float:

@@ -19,13 +19,13 @@ from r2sego_blender.commands.bench_defaults import POLICY_GAUSSIANS, POLICY_PROC
 from r2sego_blender.core.errors import SettingsError
 from r2sego_blender.core.progress import SILENT, Progress
 from r2sego_blender.core.resources import available_cores
+from r2sego_blender.experiments.records import processor
 from r2sego_blender.policy.environment.environments import SitEnv
 from r2sego_blender.policy.environment.episode import PHYSICS_S
 from r2sego_blender.robot.model.composition import compose
 from r2sego_blender.splats.formats.ply import save_ply
 from r2sego_blender.splats.rendering.batch_rasterizer import BatchRasterizer
 
-from .machine import processor
 from .rollouts import made_up_bundle
 from .workloads import made_up_room
 

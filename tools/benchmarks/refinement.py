@@ -29,12 +29,12 @@ from r2sego_blender.evaluation import round_scores
 from r2sego_blender.evaluation.arms import ARMS, DEFAULT_ARMS, REFINED, strongest_baseline
 from r2sego_blender.evaluation.ground_truth import load_ground_truth
 from r2sego_blender.evaluation.scene_evaluation import evaluate_scene
+from r2sego_blender.experiments.records import processor
 from r2sego_blender.generation.view_records import read_views
 from r2sego_blender.geometry.objects.prior_files import PRIOR_RECORDS
 from r2sego_blender.pipeline import refine
 from r2sego_blender.refine.creation import create_scene
 
-from .machine import processor
 from .truth.true_objects import declare_true_objects
 
 _LIBRARY = 2  # the stream of random numbers that the other benches make their libraries with

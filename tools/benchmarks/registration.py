@@ -21,6 +21,7 @@ from r2sego_blender.core.cameras import Camera, rotation_angle_rad
 from r2sego_blender.core.progress import SILENT, Progress
 from r2sego_blender.evaluation.frozen_views import frozen_views
 from r2sego_blender.evaluation.ground_truth import load_ground_truth
+from r2sego_blender.experiments.records import processor
 from r2sego_blender.generation.registration.frame_registration import RegisteredFrame, register_frame
 from r2sego_blender.generation.registration.landmarks import Landmarks
 from r2sego_blender.generation.registration.vggt import VGGTRegistrar
@@ -31,7 +32,6 @@ from r2sego_blender.views.references import select_reference
 from r2sego_blender.workers.protocol.recorded_worker import RecordedWorker
 
 from .generation import Arm, bundle_with_proxy, estimated_arm
-from .machine import processor
 from .truth.disturbance import disturbed_pose
 from .truth.drifting_vggt import DRIFT_DEG, DRIFT_M, record_drifting
 

@@ -28,6 +28,7 @@ from r2sego_blender.core.errors import RobotError, SettingsError
 from r2sego_blender.core.images import save_image
 from r2sego_blender.core.progress import SILENT, Progress
 from r2sego_blender.core.resources import available_cores, cpu_s
+from r2sego_blender.experiments.records import processor
 from r2sego_blender.geometry.collision.collision_files import COLLISION, write_collision
 from r2sego_blender.geometry.proxy.proxy import PROXY
 from r2sego_blender.pipeline import refine
@@ -39,7 +40,6 @@ from r2sego_blender.robot.scope.scope import BehaviourScope
 from r2sego_blender.splats.artifacts import INITIAL_ASSET
 from r2sego_blender.views.scoring.scores import support_scores
 
-from .machine import processor
 from .workloads import made_up_collision, made_up_path, made_up_proxy, made_up_room
 
 SCOPES = ("walk_and_look", "sit_down")

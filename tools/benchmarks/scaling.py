@@ -17,11 +17,10 @@ from r2sego_blender.core.formatting import duration
 from r2sego_blender.core.progress import SILENT, Progress
 from r2sego_blender.experiments.cells import Cell
 from r2sego_blender.experiments.experiment import Experiment, Tables, run_experiment
-from r2sego_blender.experiments.records import Record, Stage
+from r2sego_blender.experiments.records import Record, Stage, processor
 from r2sego_blender.experiments.running import Outcome, RunCell
 from r2sego_blender.experiments.scheduling import schedule
 
-from .machine import processor
 from .sleeping.cells import SleepingCells, Steps
 from .sleeping.program import scene_factor
 

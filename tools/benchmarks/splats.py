@@ -21,6 +21,7 @@ from r2sego_blender.core.cameras import Camera
 from r2sego_blender.core.errors import SettingsError
 from r2sego_blender.core.progress import SILENT, Progress, Task
 from r2sego_blender.core.resources import forget_peak_memory, peak_memory_mb
+from r2sego_blender.experiments.records import processor
 from r2sego_blender.splats.kernels.adam import AdamState
 from r2sego_blender.splats.kernels.loss import PhotometricLoss
 from r2sego_blender.splats.kernels.packing import PackedGaussians, rows_of
@@ -28,7 +29,7 @@ from r2sego_blender.splats.kernels.tiles import planes_of
 from r2sego_blender.splats.rendering.rasterizer import Rasterizer
 from r2sego_blender.splats.vector_language.vectors import LANES
 
-from .machine import bandwidth_bytes_per_s, fma_rate_per_s, isa, processor
+from .machine import bandwidth_bytes_per_s, fma_rate_per_s, isa
 from .pairs import Work, count_work
 from .workloads import Workload, made_up_room, of_files, parse_size
 

@@ -84,8 +84,8 @@ def depth_scale(captures: Sequence[Capture], sparse: SparsePoints, depth: Sensor
             "those of at least two.",
         )
     together, weight = np.concatenate(ratios), np.concatenate(weights)
-    centre = _median(together, weight)
-    spread = _TO_SIGMA * _median(np.abs(together - centre), weight)
+    centre = weighted_median(together, weight)
+    spread = _TO_SIGMA * weighted_median(np.abs(together - centre), weight)
     if spread > _LARGEST_SPREAD:
         raise CaptureError(
             f"sensor depth and triangulated depth disagree: their ratio varies by {spread:.0%}",
@@ -93,7 +93,7 @@ def depth_scale(captures: Sequence[Capture], sparse: SparsePoints, depth: Sensor
             cure="Check that the depth maps belong to the photographs, are planar depth and in "
             "millimetres (16-bit) or metres (float).",
         )
-    medians = np.array([_median(*pair) for pair in zip(ratios, weights, strict=True)])
+    medians = np.array([weighted_median(*pair) for pair in zip(ratios, weights, strict=True)])
     among = _TO_SIGMA * float(np.median(np.abs(medians - centre)))
     uncertainty = max(among, spread) / np.sqrt(len(medians))
     return DepthScale(float(np.exp(centre)), float(spread), float(uncertainty), count, len(owners))
@@ -109,8 +109,8 @@ def likely_unit_m(given_m: float, times_too_large: float) -> float | None:
     return nearest if abs(np.log(nearest / wanted)) < _SAME_UNIT and nearest != given_m else None
 
 
-def _median(values: np.ndarray, weights: np.ndarray) -> float:
-    """The weighted median."""
+def weighted_median(values: np.ndarray, weights: np.ndarray) -> float:
+    """The weighted median of (n,)."""
     order = np.argsort(values, kind="stable")
-    total = np.cumsum(weights[order])
+    total = np.cumsum(weights[order], dtype=np.float64)
     return float(values[order][np.searchsorted(total, 0.5 * total[-1])])

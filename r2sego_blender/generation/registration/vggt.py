@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from ...captures.capture import Capture
+from ...captures.frame.depth_scale import weighted_median
 from ...config.settings import RegistrationSettings, Settings
 from ...core.cameras import Camera
 from ...core.digests import file_identity
@@ -96,18 +97,11 @@ def _metres(response: Response, seen: Seen, place: Placement, camera: Camera, kn
     if both.mean() < _LEAST_KNOWN:
         raise response.wrong("knows no depth of the reference where the captures do")
     ratio = np.log(known[both].astype(np.float64) / depth[both])
-    scale = _median(ratio, confidence[both])
-    off = _median(np.abs(ratio - scale), confidence[both])
+    scale = weighted_median(ratio, confidence[both])
+    off = weighted_median(np.abs(ratio - scale), confidence[both])
     if off > _LARGEST_OFF:
         raise response.wrong(f"gave depth of the reference that is off by {off:.0%}")
     return float(np.exp(scale))
-
-
-def _median(values: np.ndarray, weights: np.ndarray) -> float:
-    """The weighted median of (n,)."""
-    order = np.argsort(values)
-    share = np.cumsum(weights[order], dtype=np.float64)
-    return float(values[order[np.searchsorted(share, share[-1] / 2.0)]])
 
 
 def installation(name: str, settings: RegistrationSettings) -> Installation:
