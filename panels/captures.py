@@ -5,7 +5,9 @@ import bpy
 from ..r2sego_blender.captures.frame.picks_fit import in_centimetres
 from ..r2sego_blender.core.formatting import counted
 from .fact_list import FactList, fact_list
-from .overlays import picture_labels, registration_overlay, sparse_cloud
+from .overlays import sparse_cloud
+from .overlays.picture_labels import LABELS
+from .overlays.registration_overlay import REGISTRATION
 from .sidebar import Step, draw_problem, write_wrapped
 
 _OFF_PX = 2.0
@@ -157,7 +159,7 @@ class R2SEGO_PT_registration(Step, bpy.types.Panel):
 
 CLASSES = (R2SEGO_UL_captures, R2SEGO_UL_picked_points, R2SEGO_PT_captures, R2SEGO_PT_registration)
 
-_OVERLAYS = (sparse_cloud, picture_labels, registration_overlay)
+_OVERLAYS = (sparse_cloud, LABELS, REGISTRATION)
 
 
 def register():

@@ -4,7 +4,8 @@ import bpy
 
 from ..r2sego_blender.core.formatting import counted
 from .fact_list import FactList, fact_list
-from .overlays import placement_overlay, proxy_legend, swatches
+from .overlays import proxy_legend, swatches
+from .overlays.placement_overlay import PLACEMENT
 from .sidebar import Sidebar, Step, write_wrapped
 
 _STATE_ICONS = {
@@ -172,10 +173,10 @@ CLASSES = (
 def register() -> None:
     """Start the overlay, and make the legend's icons."""
     swatches.register()
-    placement_overlay.register()
+    PLACEMENT.register()
 
 
 def unregister() -> None:
     """Stop it."""
-    placement_overlay.unregister()
+    PLACEMENT.unregister()
     swatches.unregister()

@@ -38,14 +38,4 @@ def _draw(context):
             write(shown_name, left, bottom, _CHOSEN if name == chosen else _OTHERS, 11.0 * scale)
 
 
-_overlay = Overlay(_draw, "POST_PIXEL")
-
-
-def register():
-    """Start drawing."""
-    _overlay.register()
-
-
-def unregister():
-    """Stop drawing."""
-    _overlay.unregister()
+LABELS = Overlay(_draw, "POST_PIXEL")

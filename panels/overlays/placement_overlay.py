@@ -49,14 +49,4 @@ def _draw(context):
         write(text, frame[0] + 12.0 * scale, frame[1] + frame[3] - 24.0 * scale, size_px=13.0 * scale)
 
 
-_overlay = Overlay(_draw, "POST_PIXEL")
-
-
-def register() -> None:
-    """Start drawing."""
-    _overlay.register()
-
-
-def unregister() -> None:
-    """Stop drawing."""
-    _overlay.unregister()
+PLACEMENT = Overlay(_draw, "POST_PIXEL")

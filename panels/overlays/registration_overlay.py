@@ -73,14 +73,4 @@ def _cross(place, colour, scale):
     segments(place + offsets, colour, 2.0 * scale)
 
 
-_overlay = Overlay(_draw, "POST_PIXEL")
-
-
-def register():
-    """Start drawing."""
-    _overlay.register()
-
-
-def unregister():
-    """Stop drawing."""
-    _overlay.unregister()
+REGISTRATION = Overlay(_draw, "POST_PIXEL")
