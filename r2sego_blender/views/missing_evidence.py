@@ -39,7 +39,7 @@ def photographs_to_take(
     ``deficit`` (M,) is the candidates' u. Deterministic.
     """
     rasterizer = MeshRasterizer(proxy.vertices, proxy.faces)
-    sight = face_sight(proxy.vertices, proxy.faces, captures, lambda camera: rasterizer.render(camera).depth)
+    sight = face_sight(proxy.vertices, proxy.faces, captures)
     shown_well = (proxy.support > 0) & (sight.cosine >= STEEP)
     points, normals, weights, missing = _lacking(candidates, deficit, rasterizer, proxy, shown_well)
     if not len(points) or not captures:

@@ -7,7 +7,6 @@ from room_meshes import closed_room, observed_proxy
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.json_files import read_json, write_json
 from r2sego_blender.geometry.visibility.face_sight import face_sight
-from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 from r2sego_blender.views.missing_evidence import photographs_to_take
 from r2sego_blender.views.photographs import PhotographToTake, advice
 
@@ -19,8 +18,7 @@ def room():
     """4 m by 4 m and 2.5 m high, in faces of 25 cm; captures in its middle look towards +x."""
     mesh = closed_room((4.0, 4.0, 2.5)).subdivide_to_size(0.3)
     captures = [LENS.at(look_at((-0.5, y, 1.6), (2.0, y, 1.0))) for y in (-0.8, 0.0, 0.8)]
-    rasterizer = MeshRasterizer(mesh.vertices, mesh.faces)
-    sight = face_sight(mesh.vertices, mesh.faces, captures, lambda camera: rasterizer.render(camera).depth)
+    sight = face_sight(mesh.vertices, mesh.faces, captures)
     return observed_proxy(mesh.vertices, mesh.faces, sight.cosine > 0.1), captures
 
 

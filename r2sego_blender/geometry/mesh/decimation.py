@@ -6,7 +6,7 @@ import fast_simplification
 import numpy as np
 
 from ...core.errors import GeometryError
-from .meshes import compacted
+from .meshes import compacted, require_sound
 
 _WELD_M = 1e-4  # vertices this near are one
 _BORDERS_KEPT_ABOVE = 2  # times the faces asked for
@@ -34,10 +34,7 @@ def welded(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndar
     """The same surface with one vertex a place, and without faces that have no area."""
     vertices = np.asarray(vertices, np.float32).reshape(-1, 3)
     faces = np.asarray(faces, np.int64).reshape(-1, 3)
-    if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
-        raise GeometryError("the mesh has faces without vertices", cure="Repair the mesh.")
-    if not np.isfinite(vertices).all():
-        raise GeometryError("the mesh has vertices that are not finite", cure="Repair the mesh.")
+    require_sound(vertices, faces)
     places = np.floor(vertices.astype(np.float64) / _WELD_M + 0.5).astype(np.int64)
     _, first, place = np.unique(places, axis=0, return_index=True, return_inverse=True)
     vertices, faces = vertices[first], place.ravel()[faces]

@@ -19,6 +19,7 @@ from ...core.errors import GeometryError, may_not_be_read
 from ...core.files_beside import file_beside
 from ...core.gltf_files import gltf_document, gltf_tree
 from ...core.text_files import read_bytes
+from .meshes import require_sound
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".off", ".ply", ".stl")
 
@@ -84,12 +85,9 @@ def checked_mesh(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, n
     if len(faces) > _MOST_FACES:
         raise GeometryError(f"the mesh has {len(faces)} faces", cure=f"Simplify it below {_MOST_FACES}.")
     vertices = np.ascontiguousarray(vertices, np.float64)
-    if not np.isfinite(vertices).all():
-        raise GeometryError("the mesh has vertices that are not finite", cure=cure)
+    require_sound(vertices, faces, cure)
     if np.abs(vertices).max(initial=0.0) > LARGEST:
         raise GeometryError(f"the mesh has vertices beyond {LARGEST:g}", cure=cure)
-    if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
-        raise GeometryError("the mesh has faces without vertices", cure=cure)
     return vertices, np.ascontiguousarray(faces, np.int32)
 
 

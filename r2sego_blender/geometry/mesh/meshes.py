@@ -1,4 +1,4 @@
-"""What many modules ask of a triangle mesh: normals, areas, connected parts, vertices that go or merge."""
+"""What many modules ask of a triangle mesh: soundness, normals, areas, connected parts, vertices that go or merge."""
 
 from __future__ import annotations
 
@@ -6,7 +6,17 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from ...core.errors import GeometryError
+
 _SAME_PLACE_M = 1e-4
+
+
+def require_sound(vertices: np.ndarray, faces: np.ndarray, cure: str = "Repair the mesh.", what: str = "mesh") -> None:
+    """Raises GeometryError where ``vertices`` (V, 3) are not finite, or ``faces`` (F, 3) name others than these."""
+    if not np.isfinite(vertices).all():
+        raise GeometryError(f"the {what} has vertices that are not finite", cure=cure)
+    if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
+        raise GeometryError(f"the {what} has faces without vertices", cure=cure)
 
 
 def normals_and_areas(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

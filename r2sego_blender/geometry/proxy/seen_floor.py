@@ -13,7 +13,6 @@ from skimage.measure import find_contours
 from ...core.cameras import Camera
 from ...core.errors import GeometryError
 from ..visibility.face_sight import STEEP, face_sight
-from ..visibility.rasterizer import MeshRasterizer
 from .proxy import GeometryProxy
 
 _FLOOR_M = 0.05
@@ -71,8 +70,7 @@ def _vouched_for(proxy: GeometryProxy, cameras: Sequence[Camera]) -> np.ndarray:
     level = normals[:, 2] > _LEVEL * np.linalg.norm(normals, axis=1)
     low = np.abs(corners[:, :, 2]).max(axis=1) < _FLOOR_M
     known = (proxy.support > 0) & (proxy.confidence > _VOUCHED)
-    rasterizer = MeshRasterizer(proxy.vertices, proxy.faces)
-    sight = face_sight(proxy.vertices, proxy.faces, cameras, lambda camera: rasterizer.render(camera).depth)
+    sight = face_sight(proxy.vertices, proxy.faces, cameras)
     return corners[level & low & known & (sight.cosine >= STEEP)][:, :, :2]
 
 

@@ -83,14 +83,12 @@ def count_seen(
     where a pixel shows it. Views are drawn at most ``COVERAGE_SIDE_PX`` wide. The result does
     not depend on the number of threads. Raises GeometryError for a mesh that cannot be drawn.
     """
-    from .visible_faces import count_views  # the engine's; Blender's Python reads coverage without it
+    from ..mesh.meshes import require_sound  # the engine's, both: Blender's Python reads coverage without them
+    from .visible_faces import count_views
 
     vertices = np.ascontiguousarray(vertices, np.float64).reshape(-1, 3)
     faces = np.ascontiguousarray(faces, np.int32).reshape(-1, 3)
-    if not np.isfinite(vertices).all():
-        raise GeometryError("the mesh has vertices that are not finite", cure="Repair the mesh.")
-    if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
-        raise GeometryError("the mesh has faces without vertices", cure="Repair the mesh.")
+    require_sound(vertices, faces)
     seen = np.zeros(len(faces), np.uint32)
     if not len(cameras):
         return seen

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from ...core.cameras import Camera
 from ..mesh.meshes import normals_and_areas
 from .point_visibility import looked_up, same_depth
+from .rasterizer import MeshRasterizer
 
 STEEP = 0.3
 """Cosine from which a camera sees a face well: below it a pixel is far from its neighbours, and
@@ -30,18 +31,17 @@ class FaceSight(NamedTuple):
     density: np.ndarray
 
 
-def face_sight(
-    vertices: np.ndarray, faces: np.ndarray, cameras: Sequence[Camera], depth_of: Callable[[Camera], np.ndarray]
-) -> FaceSight:
+def face_sight(vertices: np.ndarray, faces: np.ndarray, cameras: Sequence[Camera]) -> FaceSight:
     """How well the ``cameras`` see each of ``faces`` (F, 3), by its middle, of ``vertices`` (V, 3) in metres.
 
-    ``depth_of`` renders the mesh's planar depth (H, W), metres, 0 where there is none.
+    Raises GeometryError for a mesh that cannot be drawn.
     """
+    rasterizer = MeshRasterizer(vertices, faces)
     middles = np.asarray(vertices, np.float64)[faces].mean(axis=1)
     normals, _ = normals_and_areas(vertices, faces)
     best = FaceSight(np.zeros(len(middles)), np.zeros(len(middles)))
     for camera in cameras:
-        inside, z, shown = looked_up(middles, camera, depth_of(camera))
+        inside, z, shown = looked_up(middles, camera, rasterizer.render(camera).depth)
         seen = np.flatnonzero(inside)[same_depth(shown, z, _SAME_SURFACE)]
         z = z[same_depth(shown, z, _SAME_SURFACE)]
         towards = camera.centre - middles[seen]

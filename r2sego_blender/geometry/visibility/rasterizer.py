@@ -16,7 +16,7 @@ import numpy as np
 
 from ...core.cameras import Camera
 from ...core.compiled import inlined, kernel, parallel_kernel, prange
-from ...core.errors import GeometryError
+from ..mesh.meshes import require_sound
 from .projection import NEAR_M, place, screen_extent
 
 _BAND_ROWS = 16  # rows a thread draws at a time: fine enough to balance two cores
@@ -59,10 +59,7 @@ class MeshRasterizer:
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
         self._vertices = np.ascontiguousarray(vertices, np.float64).reshape(-1, 3)
         self._faces = np.ascontiguousarray(faces, np.int32).reshape(-1, 3)
-        if not np.isfinite(self._vertices).all():
-            raise GeometryError("the mesh has vertices that are not finite", cure="Repair the mesh.")
-        if self._faces.size and not 0 <= self._faces.min() <= self._faces.max() < len(self._vertices):
-            raise GeometryError("the mesh has faces without vertices", cure="Repair the mesh.")
+        require_sound(self._vertices, self._faces)
 
     def render(self, camera: Camera, attributes: Sequence[np.ndarray] = ()) -> MeshBuffers:
         """The mesh as ``camera`` sees it; ``attributes`` are (V,) or (V, C) per-vertex values."""

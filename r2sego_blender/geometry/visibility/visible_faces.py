@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.compiled import kernel, parallel_kernel, prange
-from .projection import NEAR_M, screen_extent
+from .projection import NEAR_M, place, screen_extent
 from .rasterizer import draw_face, edge_plane
 from .view_volume import in_view, side_planes
 
@@ -86,20 +86,9 @@ def _place(vertices, face, pose, lens, view, placed, local, screen):
     """Take the face's vertices to the camera's frame and to pixels, once a view."""
     for corner in range(3):
         i = face[corner]
-        if placed[i] == view:
-            continue
-        placed[i] = view
-        for axis in range(3):
-            local[i, axis] = (
-                pose[axis, 0] * vertices[i, 0]
-                + pose[axis, 1] * vertices[i, 1]
-                + pose[axis, 2] * vertices[i, 2]
-                + pose[axis, 3]
-            )
-        if local[i, 2] >= NEAR_M:
-            inverse = 1.0 / local[i, 2]
-            screen[i, 0] = local[i, 0] * inverse * lens[0] + lens[2]
-            screen[i, 1] = local[i, 1] * inverse * lens[1] + lens[3]
+        if placed[i] != view:
+            placed[i] = view
+            place(vertices, i, pose, lens, local, screen, i)
 
 
 @kernel
@@ -108,13 +97,7 @@ def _reaches_in(local, screen, face, lens, width, height, bounds):
     i, j, k = face[0], face[1], face[2]
     if local[i, 2] < NEAR_M and local[j, 2] < NEAR_M and local[k, 2] < NEAR_M:
         return False
-    if local[i, 2] >= NEAR_M and local[j, 2] >= NEAR_M and local[k, 2] >= NEAR_M:
-        low_u = min(screen[i, 0], screen[j, 0], screen[k, 0])
-        high_u = max(screen[i, 0], screen[j, 0], screen[k, 0])
-        low_v = min(screen[i, 1], screen[j, 1], screen[k, 1])
-        high_v = max(screen[i, 1], screen[j, 1], screen[k, 1])
-    else:
-        low_u, high_u, low_v, high_v = screen_extent(local, screen, face, lens)
+    low_u, high_u, low_v, high_v = screen_extent(local, screen, face, lens)
     if high_u <= 0.0 or low_u >= width or high_v <= 0.0 or low_v >= height:
         return False
     bounds[0] = np.int16(np.ceil(max(low_u - 0.5, 0.0)))

@@ -82,7 +82,6 @@ def _screen_gradients(a: Value, b: Value, c: Value, eighth: Value, sums: list[Va
 
 
 def _point_gradient(
-    lens: Lens,
     code: Code,
     at: SimpleNamespace,
     shape: SimpleNamespace,
@@ -150,7 +149,7 @@ def _write_gradients(
     g = _screen_gradients(a, b, c, log2_opacity * 0.125, sums)
     g_x = [2.0 * g.xx * shape.row_x[k] + g.xy * shape.row_y[k] for k in range(3)]
     g_y = [2.0 * g.yy * shape.row_y[k] + g.xy * shape.row_x[k] for k in range(3)]
-    g_point = _point_gradient(lens, code, at, shape, g, g_x, g_y, sums[9])
+    g_point = _point_gradient(code, at, shape, g, g_x, g_y, sums[9])
 
     # The ellipsoid's axes, in the camera frame and then in the world: R diag(scales).
     g_axes = [

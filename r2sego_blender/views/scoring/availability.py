@@ -17,7 +17,7 @@ from numba.core.types import float32, int64, void
 
 from ...core.cameras import Camera
 from ...core.compiled import inlined, kernel, parallel_kernel, prange
-from ...core.errors import GeometryError
+from ...geometry.mesh.meshes import require_sound
 from ...geometry.proxy.proxy import GeometryProxy, Provenance
 from ...geometry.visibility.coverage import face_areas
 from ...geometry.visibility.face_sight import STEEP, FaceSight
@@ -49,10 +49,7 @@ class ValidityRenderer:
 
     def __init__(self, proxy: GeometryProxy, sight: FaceSight | None = None) -> None:
         vertices, faces = np.asarray(proxy.vertices, np.float64), np.asarray(proxy.faces, np.int64)
-        if not np.isfinite(vertices).all():
-            raise GeometryError("the proxy has vertices that are not finite", cure="Run the round again.")
-        if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
-            raise GeometryError("the proxy has faces without vertices", cure="Run the round again.")
+        require_sound(vertices, faces, "Run the round again.", "proxy")
         order = morton_order(vertices[faces].mean(axis=1)) if len(faces) else np.zeros(0, np.int64)
         faces = faces[order]
         self._largest_px2 = np.ascontiguousarray(_largest_px2(proxy, sight)[order])

@@ -10,8 +10,7 @@ from ...config.settings import SelectionSettings
 from ...core.cameras import Camera
 from ...core.progress import SILENT, Progress
 from ...geometry.proxy.proxy import GeometryProxy
-from ...geometry.visibility.face_sight import FaceSight, face_sight
-from ...geometry.visibility.rasterizer import MeshRasterizer
+from ...geometry.visibility.face_sight import face_sight
 from ...splats.asset import SplatAsset
 from ...splats.kernels.projection import DILATION_PX2
 from .availability import ValidityRenderer
@@ -40,7 +39,10 @@ def support_scores(
     """
     scale = settings.scoring_scale
     alphas = AlphaRenderer(asset)
-    validities = ValidityRenderer(proxy, _sight(proxy, captures)) if settings.geometry == "proxy" else None
+    validities = None
+    if settings.geometry == "proxy":
+        sight = face_sight(proxy.vertices, proxy.faces, captures) if captures else None
+        validities = ValidityRenderer(proxy, sight)
     deficit, availability = np.empty(len(cameras)), np.ones(len(cameras))
     with progress.task("Scoring candidates", len(cameras)) as task:
         for start in range(0, len(cameras), _VIEWS_AT_A_TIME):
@@ -51,11 +53,3 @@ def support_scores(
                 availability[some] = validities.available_shares(views, settings.validity_threshold, scale)
             task.advance(len(views))
     return deficit, availability
-
-
-def _sight(proxy: GeometryProxy, captures: Sequence[Camera]) -> FaceSight | None:
-    """How well the captures see the proxy; None without any."""
-    if not captures:
-        return None
-    rasterizer = MeshRasterizer(proxy.vertices, proxy.faces)
-    return face_sight(proxy.vertices, proxy.faces, captures, lambda camera: rasterizer.render(camera).depth)

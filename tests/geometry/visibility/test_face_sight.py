@@ -19,8 +19,7 @@ def squares(*centres, side=0.2):
 
 
 def sight_of(vertices, faces, *cameras):
-    rasterizer = MeshRasterizer(vertices, faces)
-    return face_sight(vertices, faces, cameras, lambda camera: rasterizer.render(camera).depth)
+    return face_sight(vertices, faces, cameras)
 
 
 def test_angle_and_density_are_those_of_the_best_camera():
