@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import cv2
 import numpy as np
 
 from ..core.images import load_image_uint8, resize
 from ..core.progress import Progress
+
+T = TypeVar("T")
 
 SIDE_PX = 640
 """Longest side at which sharpness is measured: captures are as large by default."""
@@ -35,7 +38,18 @@ def sharpness(grey: np.ndarray) -> float:
     return float(cv2.Laplacian(grey, cv2.CV_32F).var())
 
 
-def sharpest(paths: Sequence[Path], count: int, progress: Progress) -> list[int]:
+def sharpest(found: Sequence[T], paths: Sequence[Path], most: int, what: str, progress: Progress) -> list[T]:
+    """Of more than ``most`` of a recording, whose photographs are ``paths``, the sharpest of each ``most``-th part,
+    which is said."""
+    if len(found) <= most:
+        return list(found)
+    progress.message(
+        f"{most} of the {len(found)} {what} are taken, the sharpest of their neighbours (captures.max_keyframes)"
+    )
+    return [found[index] for index in _sharpest(paths, most, progress)]
+
+
+def _sharpest(paths: Sequence[Path], count: int, progress: Progress) -> list[int]:
     """One photograph of each of ``count`` consecutive parts of a recording, by its index.
 
     Neighbours show the same, so that their sharpness tells blur. The ``blur_score`` that Polycam writes is not

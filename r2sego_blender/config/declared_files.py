@@ -209,6 +209,11 @@ def is_number(value: Any) -> bool:
     return is_one and abs(value) <= sys.float_info.max
 
 
+def is_place(value: Any) -> bool:
+    """Whether a TOML value is [x, y] of finite numbers."""
+    return isinstance(value, list) and len(value) == 2 and all(map(is_number, value))
+
+
 def _fits(kind: Any, value: Any) -> bool:
     if kind in (int, float):
         return is_number(value) and (kind is float or value == int(value))

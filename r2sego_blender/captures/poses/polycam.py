@@ -43,11 +43,7 @@ def read_polycam(keyframes: Path, most: int, progress: Progress = SILENT) -> tup
     stems = [path.stem for path in files]
     paths = find_photographs(stems, (images,), images, progress, guess_suffix=True)
     found = [(file, path) for file, path in zip(files, paths, strict=True) if path is not None]
-    if len(found) > most:
-        progress.message(
-            f"{most} of the {len(found)} keyframes are taken, the sharpest of their neighbours (captures.max_keyframes)"
-        )
-        found = [found[index] for index in sharpest([path for _, path in found], most, progress)]
+    found = sharpest(found, [path for _, path in found], most, "keyframes", progress)
     border_px = _CORRECTED_BORDER_PX if optimised else 0.0
     photographs = [_photograph(file, path, border_px) for file, path in found]
     source = "Polycam, optimised poses" if optimised else "Polycam, ARKit's poses as recorded"

@@ -43,11 +43,7 @@ def read_record3d(file: Path, most: int, progress: Progress = SILENT) -> list[Ph
     place = file.parent / "rgb"
     paths = find_photographs([str(index) for index in range(len(poses))], (place,), file, progress, guess_suffix=True)
     found = [(index, path) for index, path in enumerate(paths) if path is not None]
-    if len(found) > most:
-        progress.message(
-            f"{most} of the {len(found)} frames are taken, the sharpest of their neighbours (captures.max_keyframes)"
-        )
-        found = [found[k] for k in sharpest([path for _, path in found], most, progress)]
+    found = sharpest(found, [path for _, path in found], most, "frames", progress)
     photographs = []
     for index, path in found:
         lens = Lens(width, height, *lenses[index].tolist())

@@ -88,9 +88,4 @@ def posed_frames(file: Path, frames: Mapping[int, Path], lens: Lens) -> list[Pho
 
 def thinned(photographs: Sequence[Photograph], most: int, progress: Progress = SILENT) -> list[Photograph]:
     """Of more than ``most`` of a recording the sharpest of each ``most``-th part, which is said."""
-    if len(photographs) <= most:
-        return list(photographs)
-    progress.message(
-        f"{most} of the {len(photographs)} frames are taken, the sharpest of their neighbours (captures.max_keyframes)"
-    )
-    return [photographs[index] for index in sharpest([one.path for one in photographs], most, progress)]
+    return sharpest(photographs, [one.path for one in photographs], most, "frames", progress)

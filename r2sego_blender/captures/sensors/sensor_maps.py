@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ...bundle import layout
-from ...core.arrays import opened_arrays, require_between, require_shapes, save_arrays
+from ...core.arrays import Arrays, opened_arrays, require_between, require_shapes, save_arrays
 from ...core.cameras import Camera
 from ...core.errors import CaptureError
 from ..per_capture import each_capture
@@ -45,12 +45,18 @@ class SensorMap:
         cure = "Make the scene anew with `r2sego new`."
         with opened_arrays(path, CaptureError, "this is no sensor's depth", cure) as data:
             camera = Camera.from_arrays(data)
-            maps = {name: data[name] for name in ("depth", "sigma")}
-            require_shapes(maps, **dict.fromkeys(maps, f"{camera.height} {camera.width}"))
-            require_between(0.0, _FARTHEST_M, **maps)
-            if (maps["sigma"][maps["depth"] > 0.0] <= 0.0).any():
-                raise ValueError("a depth is said to be exact")
-            return SensorMap(**maps, camera=camera)
+            return SensorMap(**depth_and_sigma(data, f"{camera.height} {camera.width}", _FARTHEST_M), camera=camera)
+
+
+def depth_and_sigma(data: Arrays, axes: str, most: float) -> dict[str, np.ndarray]:
+    """The maps ``depth`` and ``sigma`` of a file. Raises ValueError, as damage in ``opened_arrays``: for other ``axes``
+    (``require_shapes``), for numbers beyond ``most``, and for a depth without a deviation."""
+    maps = {name: data[name] for name in ("depth", "sigma")}
+    require_shapes(maps, **dict.fromkeys(maps, axes))
+    require_between(0.0, most, **maps)
+    if (maps["sigma"][maps["depth"] > 0.0] <= 0.0).any():
+        raise ValueError("a depth is said to be exact")
+    return maps
 
 
 SENSOR_DEPTH = each_capture(layout.SENSOR_DEPTH, SensorMap.load)

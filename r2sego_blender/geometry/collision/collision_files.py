@@ -18,6 +18,7 @@ from ...bundle import layout
 from ...bundle.artifacts import Artifact
 from ...core.errors import GeometryError
 from ...core.text_files import read_text, write_text
+from ...splats.formats.values import Y_UP_FROM_WORLD
 from .collision import CollisionSurface
 from .floor_box import FloorBox
 
@@ -44,8 +45,7 @@ def write_collision(surface: CollisionSurface, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
     write_text(folder / MESH_OBJ, obj_text(surface.vertices, surface.faces))
-    y_up = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]])
-    for name, one in ((MESH_STL, mesh), (MESH_GLB, mesh.copy().apply_transform(y_up))):
+    for name, one in ((MESH_STL, mesh), (MESH_GLB, mesh.copy().apply_transform(Y_UP_FROM_WORLD))):
         written = one.export(file_type=Path(name).suffix[1:])
         assert isinstance(written, bytes)
         (folder / name).write_bytes(written)

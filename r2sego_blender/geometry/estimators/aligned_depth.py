@@ -9,7 +9,8 @@ import numpy as np
 
 from ...bundle import layout
 from ...captures.per_capture import each_capture
-from ...core.arrays import opened_arrays, require_between, require_shapes, save_arrays
+from ...captures.sensors.sensor_maps import depth_and_sigma
+from ...core.arrays import opened_arrays, save_arrays
 from ...core.cameras import Camera
 from ...core.errors import GeometryError
 from ..stereo.observed_geometry import FARTHEST_M
@@ -41,12 +42,7 @@ class AlignedDepth:
         """Read what ``save`` wrote. Raises GeometryError when the file is none of it."""
         with opened_arrays(path, GeometryError, "this is no aligned estimate") as data:
             camera = Camera.from_arrays(data)
-            maps = {name: data[name] for name in ("depth", "sigma")}
-            require_shapes(maps, **dict.fromkeys(maps, f"{camera.height} {camera.width}"))
-            require_between(0.0, FARTHEST_M, **maps)
-            if (maps["sigma"][maps["depth"] > 0.0] <= 0.0).any():
-                raise ValueError("an estimate is said to be exact")
-            return AlignedDepth(**maps, camera=camera)
+            return AlignedDepth(**depth_and_sigma(data, f"{camera.height} {camera.width}", FARTHEST_M), camera=camera)
 
 
 ESTIMATED = each_capture(layout.ESTIMATED, AlignedDepth.load)

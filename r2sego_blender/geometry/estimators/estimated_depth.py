@@ -9,7 +9,8 @@ import numpy as np
 
 from ...bundle import layout
 from ...captures.per_capture import each_capture
-from ...core.arrays import opened_arrays, require_between, require_shapes, save_arrays
+from ...captures.sensors.sensor_maps import depth_and_sigma
+from ...core.arrays import opened_arrays, save_arrays
 from ...core.errors import GeometryError
 
 _MOST = 1e6  # in the estimator's unit
@@ -43,13 +44,9 @@ class EstimatedDepth:
         """Read what ``save`` wrote. Raises GeometryError when the file is none of it."""
         cure = "Record the maps again with `r2sego estimate-depth`."
         with opened_arrays(path, GeometryError, "this is no estimated depth", cure) as data:
-            maps = {name: data[name] for name in ("depth", "sigma")}
-            require_shapes(maps, depth="H W", sigma="H W")
+            maps = depth_and_sigma(data, "H W", _MOST)
             if not 0 < maps["depth"].size <= _MOST_PIXELS or any(one.dtype != np.float32 for one in maps.values()):
                 raise ValueError(f"it is {maps['depth'].dtype} of shape {maps['depth'].shape}")
-            require_between(0.0, _MOST, **maps)
-            if (maps["sigma"][maps["depth"] > 0.0] <= 0.0).any():
-                raise ValueError("an estimate is said to be exact")
             return EstimatedDepth(**maps)
 
 

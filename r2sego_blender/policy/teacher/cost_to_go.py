@@ -40,6 +40,6 @@ class CostToGo:
         way = self.way(place)
         steps_m = np.linalg.norm(np.diff(way, axis=0), axis=1)
         ahead = max(1, min(len(way) - 1, math.ceil(reach_m / CELL_M)))
-        while ahead > 1 and not line_is_free(self._floor, place, way[ahead]):
+        while ahead > 1 and not line_is_free(self._floor.is_free, place, way[ahead]):
             ahead -= 1
         return way[min(ahead, len(way) - 1)], float(steps_m.sum())

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...bundle.figures import ROBOT_FACTS
-from ...config.declared_files import Reader, is_number
+from ...config.declared_files import Reader, is_place
 from ...config.fields import setting
 from ...core.errors import SceneError
 from ...robot.scope.region import Polygon, area_m2
@@ -115,7 +115,7 @@ class RobotFacts:
 
 
 def _on_the_floor(place: Any) -> tuple[float, ...]:
-    if not (isinstance(place, list) and len(place) == 2 and all(map(is_number, place))):
+    if not is_place(place):
         raise ValueError("Write [x, y] in metres.")
     return tuple(place)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...config.declared_files import is_number
+from ...config.declared_files import is_place
 from ...config.fields import Range, setting
 from .behaviour import Behaviour, Course
 from .trajectory import RATE_HZ, REACH_RAD, STAND_OFF_M, STEP_SPEED_M_S, STILL_S, RootTrajectory, Seat, eased, times
@@ -24,7 +24,7 @@ _TRIES = 40
 def _target(value: Any, file: Path) -> str | tuple[float, float]:
     if isinstance(value, str) and value:
         return value
-    if isinstance(value, list) and len(value) == 2 and all(map(is_number, value)):
+    if is_place(value):
         return float(value[0]), float(value[1])
     raise ValueError(f"Write '{ANY_SEAT}', an object's name, or [x, y].")
 

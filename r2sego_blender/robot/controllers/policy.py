@@ -146,7 +146,7 @@ class PolicyController:
             place = stages[-1].path[-1]
             angle, length = rng.uniform(-math.pi, math.pi), rng.uniform(*ranges.step_m)
             aim = place + length * np.array([math.cos(angle), math.sin(angle)])
-            if line_is_free(self._floor, place, aim):
+            if line_is_free(self._floor.is_free, place, aim):
                 stages.append(replace(stood, path=straight(place, aim), hold_s=rng.uniform(*ranges.pause_s)))
         # What the episode cannot finish has no goal to miss.
         return stages[: 1 + max(1, int(self._scope.episode.duration_s / 4.0))]

@@ -89,4 +89,4 @@ class Course(behaviour.Course):
         return pursue(path, heading, final, *pace, self.scope.episode.duration_s)
 
     def is_free_between(self, start: np.ndarray, end: np.ndarray) -> bool:
-        return line_is_free(self.floor, start, end)
+        return line_is_free(self.floor.is_free, start, end)

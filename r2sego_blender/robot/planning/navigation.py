@@ -104,7 +104,7 @@ def _smoothed(floor: FreeFloor, path: np.ndarray) -> np.ndarray:
     corners, at = [path[0]], 0
     while at < len(path) - 1:
         ahead = len(path) - 1
-        while ahead > at + 1 and not line_is_free(floor, path[at], path[ahead]):
+        while ahead > at + 1 and not line_is_free(floor.is_free, path[at], path[ahead]):
             ahead -= 1
         corners.append(path[ahead])
         at = ahead
@@ -114,10 +114,12 @@ def _smoothed(floor: FreeFloor, path: np.ndarray) -> np.ndarray:
     return rounded if floor.is_free(rounded).all() else taut
 
 
-def line_is_free(floor: FreeFloor, start: np.ndarray, end: np.ndarray) -> bool:
-    """Whether the straight line between two points (2,) lies on the free floor."""
-    steps = max(2, math.ceil(math.dist(start, end) / (0.5 * CELL_M)))
-    return bool(floor.is_free(start + np.linspace(0.0, 1.0, steps)[:, None] * (end - start)).all())
+def line_is_free(
+    is_free: Callable[[np.ndarray], np.ndarray], start: np.ndarray, end: np.ndarray, cell_m: float = CELL_M
+) -> bool:
+    """Whether the straight line between two points (D,) lies in free cells, as ``is_free`` of (n, D)."""
+    steps = max(2, math.ceil(math.dist(start, end) / (0.5 * cell_m)))
+    return bool(is_free(start + np.linspace(0.0, 1.0, steps)[:, None] * (end - start)).all())
 
 
 def _resampled(corners: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 
 from ...core.cameras import look_at
 from ...core.errors import RobotError
+from ..planning.navigation import line_is_free
 from ..scope.scope import BehaviourScope
 from .rollout import Quality, Rollout
 
@@ -63,8 +64,7 @@ class FreeSpace:
 
     def sees(self, start: np.ndarray, goal: np.ndarray) -> bool:
         """Whether all points from ``start`` to ``goal`` are free."""
-        steps = max(2, math.ceil(math.dist(start, goal) / (0.5 * _VOXEL_M)))
-        return bool(self.is_free(start + np.linspace(0.0, 1.0, steps)[:, None] * (goal - start)).all())
+        return line_is_free(self.is_free, start, goal, _VOXEL_M)
 
 
 def camera_flights(space: FreeSpace, scope: BehaviourScope, count: int, seed: int) -> tuple[Rollout, ...]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...config.declared_files import Reader, is_number, shipped_names
+from ...config.declared_files import Reader, is_place, shipped_names
 from ...config.fields import Range, setting
 from ...core.errors import RobotError
 from ..behaviours.registry import BEHAVIOURS
@@ -56,9 +56,7 @@ def _motions(value: Any, scope: Path) -> tuple[str, ...]:
 def _within(value: Any, scope: Path) -> str | tuple[tuple[float, float], ...]:
     if value == FREE_FLOOR:
         return FREE_FLOOR
-    if not isinstance(value, list) or not all(
-        isinstance(point, list) and len(point) == 2 and all(map(is_number, point)) for point in value
-    ):
+    if not isinstance(value, list) or not all(map(is_place, value)):
         raise ValueError(f"Write '{FREE_FLOOR}' or [[x, y], [x, y], [x, y], ...].")
     corners = tuple((float(x), float(y)) for x, y in value)
     if problem := problem_of(corners):

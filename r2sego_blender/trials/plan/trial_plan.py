@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ...bundle.containment import require_contained
-from ...config.declared_files import Reader, is_number
+from ...config.declared_files import Reader, is_place
 from ...config.fields import setting
 from ...core.errors import SceneError, TrialError, may_not_be_read
 from ...core.json_files import parse_json
@@ -60,9 +60,7 @@ def names_of(value: Any, where: Path) -> tuple[str, ...]:
 
 def corners_of(value: Any, where: Path) -> tuple[tuple[float, float], ...]:
     """Corners in metres. Raises ValueError."""
-    if not isinstance(value, list) or not all(
-        isinstance(point, list) and len(point) == 2 and all(map(is_number, point)) for point in value
-    ):
+    if not isinstance(value, list) or not all(map(is_place, value)):
         raise ValueError("Write corners in metres: [[x, y], [x, y], [x, y]].")
     return tuple((float(x), float(y)) for x, y in value)
 
