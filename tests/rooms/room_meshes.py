@@ -1,4 +1,4 @@
-"""Closed rooms as meshes, and meshes as proxies."""
+"""Closed rooms and level surfaces as meshes, and meshes as proxies."""
 
 from __future__ import annotations
 
@@ -17,6 +17,20 @@ def closed_room(size_m: Sequence[float], *boxes: tuple[ArrayLike, ArrayLike]) ->
     shell.apply_translation((0, 0, size_m[2] / 2))
     shell.invert()
     return trimesh.util.concatenate([shell, *(trimesh.creation.box(bounds=box) for box in boxes)])
+
+
+def plate(width: float, depth: float, z: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """A rectangle from the origin, level, as two triangles."""
+    corners = np.array([[0, 0, z], [width, 0, z], [width, depth, z], [0, depth, z]], float)
+    return corners, np.array([[0, 1, 2], [0, 2, 3]])
+
+
+def grid_faces(rows: int, columns: int) -> np.ndarray:
+    """(F, 3) two triangles between each four neighbours of vertices that lie in rows, which face up where these
+    go along x and columns along y."""
+    number = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
+    return np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).reshape(-1, 3)
 
 
 def observed_proxy(vertices: ArrayLike, faces: ArrayLike, support: ArrayLike = 1) -> GeometryProxy:

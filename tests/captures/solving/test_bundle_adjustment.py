@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from measured_tracks import arc
 from scipy.spatial.transform import Rotation
 
 from r2sego_blender.captures.solving import bundle_adjustment
@@ -12,13 +13,6 @@ from r2sego_blender.core.cameras import Camera, look_at
 
 SIGMA_M, SIGMA_RAD = 0.01, np.radians(0.3)
 LENS = Camera(640, 480, 381.0, 379.0, 322.0, 239.0, np.eye(4))
-
-
-def _cameras(count: int) -> list[Camera]:
-    """On an arc around the room's middle, at eye height."""
-    angles = np.linspace(-0.8, 0.8, count)
-    places = [(3 * np.sin(a), -3 * np.cos(a), 1.5 + 0.1 * np.cos(5 * a)) for a in angles]
-    return [LENS.at(look_at(place, (0.2, 0.4, 0.9))) for place in places]
 
 
 def _disturbed(cameras, rng, sigma_m=SIGMA_M, sigma_rad=SIGMA_RAD) -> list[Camera]:
@@ -72,7 +66,7 @@ def _adjusted(given, points, pixels, rng):
 
 @pytest.mark.parametrize("count", [3, 6, 30])
 def test_poses_come_back(count, rng):
-    true = _cameras(count)
+    true = arc(count, LENS)
     points, pixels = _tracks(true, rng)
     given = _disturbed(true, rng)
     cameras, found = _adjusted(given, points, pixels, rng)
@@ -83,7 +77,7 @@ def test_poses_come_back(count, rng):
 
 
 def test_the_given_frame_and_scale_are_kept(rng):
-    true = _cameras(6)
+    true = arc(6, LENS)
     points, pixels = _tracks(true, rng)
     given = _disturbed(true, rng)
     cameras, _ = _adjusted(given, points, pixels, rng)
@@ -100,7 +94,7 @@ def test_the_given_frame_and_scale_are_kept(rng):
 
 
 def test_a_frame_far_from_the_origin_and_another_unit_change_nothing(rng):
-    true = _cameras(6)
+    true = arc(6, LENS)
     points, pixels = _tracks(true, rng)
     given = _disturbed(true, rng)
     cameras, found = adjusted(given, points, pixels, SIGMA_M, SIGMA_RAD)
@@ -121,7 +115,7 @@ def test_a_frame_far_from_the_origin_and_another_unit_change_nothing(rng):
 
 
 def test_wrong_matches_are_outvoted(rng):
-    true = _cameras(6)
+    true = arc(6, LENS)
     points, pixels = _tracks(true, rng)
     wrong = np.isfinite(pixels[..., 0]) & (rng.random(pixels.shape[:2]) < 0.15)
     pixels[wrong] += rng.uniform(-9, 9, (wrong.sum(), 2))
@@ -136,7 +130,7 @@ def test_wrong_matches_are_outvoted(rng):
 
 
 def test_a_camera_without_tracks_stays_and_one_with_few_does_not_leave(rng):
-    true = _cameras(7)
+    true = arc(7, LENS)
     points, pixels = _tracks(true, rng)
     pixels[:, 6] = np.nan
     few = np.flatnonzero(np.isfinite(pixels[:, 5, 0]))[3:]
@@ -151,7 +145,7 @@ def test_a_camera_without_tracks_stays_and_one_with_few_does_not_leave(rng):
 
 
 def test_right_poses_hardly_move_and_the_lens_stays(rng):
-    true = _cameras(6)
+    true = arc(6, LENS)
     points, pixels = _tracks(true, rng, noise_px=0.0)
     cameras, found = adjusted(true, points, pixels, SIGMA_M, SIGMA_RAD)
     for before, after in zip(true, cameras, strict=True):
@@ -172,7 +166,7 @@ def test_cameras_along_a_line_are_not_turned_about_it(rng):
 
 
 def test_points_behind_cameras_and_at_infinity_do_no_harm(rng):
-    true = _cameras(6)
+    true = arc(6, LENS)
     points, pixels = _tracks(true, rng)
     given = _disturbed(true, rng)
     start = points + rng.normal(0, 0.02, points.shape)
@@ -185,7 +179,7 @@ def test_points_behind_cameras_and_at_infinity_do_no_harm(rng):
 
 
 def test_the_same_tracks_give_the_same_bits(rng):
-    true = _cameras(6)
+    true = arc(6, LENS)
     points, pixels = _tracks(true, rng)
     given = _disturbed(true, rng)
     (first, p), (second, q) = (adjusted(given, points, pixels, SIGMA_M, SIGMA_RAD) for _ in range(2))
@@ -196,7 +190,7 @@ def test_the_same_tracks_give_the_same_bits(rng):
 
 def test_terms_of_lenses_come_back_with_their_uncertainty(rng):
     """Five terms of two lenses at once, from wrong ones."""
-    cameras = _cameras(8)
+    cameras = arc(8, LENS)
     points, _ = _tracks(cameras, rng)
     group = np.arange(8) % 2
     terms = np.array([[0.06, 0.02, -0.015, -0.08, 0.02], [-0.04, -0.01, 0.02, 0.05, -0.01]])
@@ -219,7 +213,7 @@ def test_terms_of_lenses_come_back_with_their_uncertainty(rng):
 
 
 def test_terms_that_are_not_free_stay_and_without_any_it_is_the_adjustment_of_poses(rng):
-    cameras = _cameras(5)
+    cameras = arc(5, LENS)
     given = _disturbed(cameras, rng)
     points, pixels = _tracks(cameras, rng)
     none = np.zeros((1, LENS_TERMS), bool)
@@ -232,7 +226,7 @@ def test_terms_that_are_not_free_stay_and_without_any_it_is_the_adjustment_of_po
 
 def test_a_variance_that_rounding_left_negative_is_of_a_term_of_which_nothing_is_known(rng, monkeypatch):
     """As where a wrong lens puts points far behind each other."""
-    cameras = _cameras(3)
+    cameras = arc(3, LENS)
     points, pixels = _tracks(cameras, rng, count=100)
     variances = np.diag([*np.ones(6 * len(cameras)), 0.04, -1e-3, np.nan])
     monkeypatch.setattr(bundle_adjustment._System, "covariance", lambda system: variances)

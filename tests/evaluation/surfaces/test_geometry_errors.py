@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from room_meshes import plate
 
 from r2sego_blender.core.errors import EvaluationError
 from r2sego_blender.evaluation.surfaces.geometry_errors import DepthError, Surface, within
@@ -10,12 +11,6 @@ from r2sego_blender.evaluation.surfaces.geometry_errors import DepthError, Surfa
 
 def rng() -> np.random.Generator:
     return np.random.default_rng(4)
-
-
-def plate(width: float, depth: float, z: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """A rectangle from the origin, level, as two triangles."""
-    corners = np.array([[0, 0, z], [width, 0, z], [width, depth, z], [0, depth, z]], float)
-    return corners, np.array([[0, 1, 2], [0, 2, 3]])
 
 
 # ---- depth maps

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from room_meshes import observed_proxy
+from room_meshes import grid_faces, observed_proxy
 from skimage.measure import points_in_poly
 
 from r2sego_blender.core.cameras import Camera, look_at
@@ -20,10 +20,7 @@ def floor_proxy(width_m: float, depth_m: float = 2.0, height_m: float = 0.0) -> 
     columns, rows = round(width_m / SIDE_M), round(depth_m / SIDE_M)
     x, y = np.meshgrid(np.arange(columns + 1), np.arange(rows + 1), indexing="ij")
     vertices = np.stack([SIDE_M * x, SIDE_M * y, np.full(x.shape, height_m)], axis=-1).reshape(-1, 3)
-    number = np.arange(x.size).reshape(x.shape)
-    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
-    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).reshape(-1, 3)
-    return observed_proxy(vertices, faces)
+    return observed_proxy(vertices, grid_faces(*x.shape))
 
 
 def middles(proxy: GeometryProxy) -> np.ndarray:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from room_meshes import observed_proxy
+from room_meshes import grid_faces, observed_proxy
 
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import GeometryError
@@ -36,10 +36,7 @@ def wavy_surface(rng, side=70):
         ],
         axis=-1,
     ).reshape(-1, 3)
-    number = np.arange(side * side).reshape(side, side)
-    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
-    faces = np.concatenate([np.stack([a, c, b], -1), np.stack([a, d, c], -1)]).reshape(-1, 3)
-    return observed_proxy(vertices, faces, np.ones(len(faces)))
+    return observed_proxy(vertices, grid_faces(side, side)[:, ::-1])
 
 
 def cameras_inside(rng, count):
@@ -88,12 +85,8 @@ def test_faces_that_no_capture_saw_are_not_available():
 def floor_and_sight(eye):
     """A level square around the origin, seen well where a camera at ``eye`` sees it well."""
     x, y = np.meshgrid(np.linspace(-1, 1, 41), np.linspace(-1, 1, 41), indexing="ij")
-    number = np.arange(x.size).reshape(x.shape)
-    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
-    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).reshape(-1, 3)
-    proxy = observed_proxy(np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], -1), faces)
-    depth_of = ZBufferRenderer(proxy).depth
-    return proxy, face_sight(proxy.vertices, proxy.faces, [LENS.at(look_at(eye, (0.001, 0, 0)))], depth_of)
+    proxy = observed_proxy(np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], -1), grid_faces(*x.shape))
+    return proxy, face_sight(proxy.vertices, proxy.faces, [LENS.at(look_at(eye, (0.001, 0, 0)))])
 
 
 @pytest.mark.parametrize(("share", "available"), [(0.3, True), (0.9, True), (1.2, False), (3.0, False)])

@@ -7,6 +7,7 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from room_meshes import plate
 from scipy.spatial.transform import Rotation
 
 from r2sego_blender.core.cameras import Camera, look_at
@@ -35,12 +36,6 @@ def turns(count: int, axis: np.ndarray, centre: np.ndarray) -> list[np.ndarray]:
     """The symmetries of a shape that repeats ``count`` times round an axis, identity left out."""
     angles = 2.0 * np.pi * np.arange(1, count) / count
     return [trimesh.transformations.rotation_matrix(angle, axis, centre) for angle in angles]
-
-
-def plate(width: float, depth: float, z: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """A rectangle from the origin, level, as two triangles."""
-    corners = np.array([[0, 0, z], [width, 0, z], [width, depth, z], [0, depth, z]], float)
-    return corners, np.array([[0, 1, 2], [0, 2, 3]])
 
 
 def similarity(scale: float, rotation: Rotation, translation) -> np.ndarray:
