@@ -1,6 +1,19 @@
-"""What scripts share that draw a lasso: its properties, drawn through a capture."""
+"""What scripts share that draw a lasso: its option, and its properties, drawn through a capture."""
+
+import argparse
 
 import bpy
+import enabled_addon  # noqa: F401  # which puts this checkout on the path
+
+from r2sego_blender.commands.scripts import numbers
+
+
+def lasso(text: str) -> tuple[str, list[tuple[float, ...]]]:
+    """The capture and the corners of an option ``CAPTURE:X,Y X,Y X,Y``, for argparse."""
+    capture, _, corners = text.rpartition(":")
+    if not (capture and corners.strip()):
+        raise argparse.ArgumentTypeError(f"'{text}' names no capture and corners, as in CAPTURE:X,Y X,Y X,Y")
+    return capture, [numbers(2)(corner) for corner in corners.split()]
 
 
 def lasso_through(capture: str, corners: list[tuple[float, float]]) -> dict:

@@ -8,7 +8,6 @@ FILE.json is that of `r2sego register --picks` (docs/formats.md).
 """
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
@@ -19,6 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from captures_registration import pick, tell
 from enabled_addon import enabled_addon
 
+from r2sego_blender.captures.frame.picks import Picks
 from r2sego_blender.commands.scripts import run_script
 from r2sego_blender.core.errors import CaptureError
 
@@ -38,7 +38,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--correct", action="store_true", help="move the scene as the others say")
     parser.add_argument("--to", type=Path, help="save a .blend that looks through the worst pick's capture")
     options = parser.parse_args(arguments)
-    picks = json.loads(options.picks.read_text(encoding="utf-8"))
+    picks = Picks.load(options.picks).to_json()
     with enabled_addon():
         bpy.ops.r2sego.open_scene(directory=str(options.scene.absolute()))
         bpy.ops.r2sego.import_captures(points=False)

@@ -8,7 +8,6 @@ become the world, x y z in metres and a turn about z in degrees; --undo takes a 
 """
 
 import argparse
-import json
 import math
 import sys
 from pathlib import Path
@@ -19,6 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from enabled_addon import enabled_addon
 
+from r2sego_blender.captures.frame.picks import Picks
 from r2sego_blender.captures.frame.picks_fit import in_centimetres
 from r2sego_blender.commands.scripts import run_script
 
@@ -51,7 +51,7 @@ def show(options: argparse.Namespace) -> None:
         )
         r2sego.look_through_next()
     if options.picks is not None:
-        pick(json.loads(options.picks.read_text(encoding="utf-8")))
+        pick(Picks.load(options.picks).to_json())
         tell(shown)
     if options.correct:
         r2sego.correct_registration(by="PICKS")

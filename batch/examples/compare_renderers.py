@@ -53,6 +53,8 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--size", type=int, nargs=2, default=(640, 480), metavar=("WIDTH", "HEIGHT"))
     parser.add_argument("--captures", type=int, default=3, help="captures looked from, three lenses each")
     options = parser.parse_args(arguments)
+    if options.captures < 1:
+        parser.error("--captures is one at least")
     bundle = Bundle.open(options.scene)
     proxy = bundle.proxy(bundle.rounds() - 1)
     captures = bundle.captures()

@@ -15,9 +15,10 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+from capture_lasso import lasso
 from enabled_addon import enabled_addon
 
-from r2sego_blender.commands.scripts import run_script
+from r2sego_blender.commands.scripts import numbers, run_script
 
 
 def main(arguments: list[str]) -> int:
@@ -26,8 +27,10 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("scene", type=Path)
     parser.add_argument("--round", type=int, default=0, help="from 0")
     parser.add_argument("--coverage", action="store_true", help="have the engine measure it")
-    parser.add_argument("--mask", metavar="CAPTURE:X,Y X,Y X,Y", help="a polygon around an object, in pixels")
-    parser.add_argument("--cut-box", metavar="X,Y,Z:SIDE", help="cut the faces in this cube, metres")
+    parser.add_argument(
+        "--mask", type=lasso, metavar="CAPTURE:X,Y X,Y X,Y", help="a polygon around an object, in pixels"
+    )
+    parser.add_argument("--cut-box", type=cube, metavar="X,Y,Z:SIDE", help="cut the faces in this cube, metres")
     parser.add_argument("--keep", action="store_true", help="leave the edits and the new object in the bundle")
     options = parser.parse_args(arguments)
     with enabled_addon():
@@ -37,7 +40,7 @@ def main(arguments: list[str]) -> int:
         colour(r2sego, options.coverage)
         priors(r2sego)
         if options.mask:
-            mask(r2sego, *options.mask.split(":", 1), declare=options.keep)
+            mask(r2sego, *options.mask, declare=options.keep)
         edits(r2sego, options.cut_box)
         r2sego.plan_refine()
         print(bpy.context.scene.r2sego_proxy.plan)
@@ -72,8 +75,15 @@ def priors(r2sego) -> None:
         print(line)
 
 
-def mask(r2sego, capture: str, points: str, *, declare: bool) -> None:
+def cube(text: str) -> tuple[tuple[float, ...], float]:
+    """The middle and the side of an option ``X,Y,Z:SIDE``, for argparse."""
+    place, _, side = text.partition(":")
+    return numbers(3)(place), *numbers(1)(side)
+
+
+def mask(r2sego, capture: str, corners: list[tuple[float, ...]], *, declare: bool) -> None:
     """Draw a new object's mask, and give it to the bundle if asked."""
+    points = " ".join(f"{x},{y}" for x, y in corners)
     r2sego.load_masks()
     r2sego.new_object(name="example")
     r2sego.draw_mask(capture=capture, points=points, tool="POLYGON")
@@ -83,13 +93,13 @@ def mask(r2sego, capture: str, points: str, *, declare: bool) -> None:
         r2sego.declare_masks()
 
 
-def edits(r2sego, cut_box: str | None) -> None:
+def edits(r2sego, cut_box: tuple[tuple[float, ...], float] | None) -> None:
     """Cut what lies in a cube, and draw a shelf."""
     if cut_box:
-        place, side = cut_box.split(":")
+        place, side = cut_box
         box = bpy.data.objects.new("example_box", None)
-        box.location = tuple(map(float, place.split(",")))
-        box.empty_display_size = float(side) / 2
+        box.location = place
+        box.empty_display_size = side / 2
         bpy.context.scene.collection.objects.link(box)
         r2sego.select_proxy_box(box=box.name)
         r2sego.cut_proxy(name="example_cut")

@@ -15,7 +15,7 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from capture_lasso import lasso_through
+from capture_lasso import lasso, lasso_through
 from enabled_addon import enabled_addon
 
 from r2sego_blender.commands.scripts import run_script
@@ -27,7 +27,7 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="proxy_lasso.py", description=__doc__.splitlines()[0])
     parser.add_argument("scene", type=Path)
     parser.add_argument("--round", type=int, default=None, help="from 0; the last one when left out")
-    parser.add_argument("--lasso", action="append", required=True, metavar="CAPTURE:X,Y X,Y X,Y")
+    parser.add_argument("--lasso", type=lasso, action="append", required=True, metavar="CAPTURE:X,Y X,Y X,Y")
     parser.add_argument("--farthest", type=float, default=20.0, help="faces farther than this stay, metres")
     parser.add_argument("--behind", action="store_true", help="faces seen from behind too")
     parser.add_argument("--name", help="cut them, and call the edit so")
@@ -39,11 +39,10 @@ def main(arguments: list[str]) -> int:
             scene.r2sego.round_index = options.round
         r2sego.import_captures(points=False)
         r2sego.show_proxy()
-        for text in options.lasso:
-            capture, _, corners = text.partition(":")
+        for capture, corners in options.lasso:
             if capture not in scene.r2sego_captures.captures:
                 raise CaptureError(f"there is no capture '{capture}'", cure="Name one of the bundle.")
-            drawn = lasso_through(capture, [tuple(map(float, pair.split(","))) for pair in corners.split()])
+            drawn = lasso_through(capture, corners)
             r2sego.select_proxy_lasso(**drawn, farthest=options.farthest, facing=not options.behind, extend=True)
         proxy = bpy.data.objects[f"Proxy, round {scene.r2sego.round_index}"].data
         print(f"{sum(face.select for face in proxy.polygons)} of {len(proxy.polygons)} faces are selected")

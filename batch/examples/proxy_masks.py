@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from enabled_addon import enabled_addon
 
-from r2sego_blender.commands.scripts import run_script
+from r2sego_blender.commands.scripts import assignment, run_script
 from r2sego_blender.core.errors import GeometryError
 
 
@@ -25,15 +25,16 @@ def main(arguments: list[str]) -> int:
     """Paint, remove and declare; returns 0."""
     parser = argparse.ArgumentParser(prog="proxy_masks.py", description=__doc__.splitlines()[0])
     parser.add_argument("scene", type=Path)
-    parser.add_argument("--paint", action="append", default=[], metavar="OBJECT:CAPTURE=PICTURE")
+    parser.add_argument("--paint", type=assignment, action="append", default=[], metavar="OBJECT:CAPTURE=PICTURE")
     parser.add_argument("--remove", action="append", default=[], metavar="OBJECT")
     options = parser.parse_args(arguments)
     with enabled_addon():
         r2sego, group = bpy.ops.r2sego, bpy.context.scene.r2sego_proxy
         r2sego.open_scene(directory=str(options.scene.absolute()))
         r2sego.load_masks()
-        for place, picture in (text.split("=", 1) for text in options.paint):
-            paint(*place.split(":", 1), Path(picture).absolute())
+        for place, picture in options.paint:
+            name, _, capture = place.partition(":")
+            paint(name, capture, Path(picture).absolute())
         for name in options.remove:
             r2sego.remove_object(name=name)
         if options.paint or options.remove:

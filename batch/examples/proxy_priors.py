@@ -16,34 +16,38 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from enabled_addon import enabled_addon
 
-from r2sego_blender.commands.scripts import run_script
+from r2sego_blender.commands.scripts import assignment, numbers, run_script
 
 
 def main(arguments: list[str]) -> int:
     """Move, give, decide and tell; returns 0."""
     parser = argparse.ArgumentParser(prog="proxy_priors.py", description=__doc__.splitlines()[0])
     parser.add_argument("scene", type=Path)
-    parser.add_argument("--move", action="append", default=[], metavar="OBJECT=X,Y,Z")
+    parser.add_argument("--move", type=moved, action="append", default=[], metavar="OBJECT=X,Y,Z")
     parser.add_argument("--start", action="store_true", help="begin the alignment there, and do not lock it")
-    parser.add_argument("--mesh", action="append", default=[], metavar="OBJECT=FILE.obj", help="its shape")
+    parser.add_argument(
+        "--mesh", type=assignment, action="append", default=[], metavar="OBJECT=FILE.obj", help="its shape"
+    )
     parser.add_argument(
         "--place",
         choices=("search", "start", "lock"),
         default="search",
         help="where that goes: looked for, from where the file has it, or there",
     )
-    parser.add_argument("--decide", action="append", default=[], metavar="OBJECT=accept|reject|reconsider|lock|unlock")
+    parser.add_argument(
+        "--decide", type=assignment, action="append", default=[], metavar="OBJECT=accept|reject|reconsider|lock|unlock"
+    )
     options = parser.parse_args(arguments)
     with enabled_addon():
         r2sego = bpy.ops.r2sego
         r2sego.open_scene(directory=str(options.scene.absolute()))
         r2sego.show_priors()
-        for name, metres in (text.split("=", 1) for text in options.move):
-            move(name, [float(number) for number in metres.split(",")], locked=not options.start)
-        for name, file in (text.split("=", 1) for text in options.mesh):
+        for name, metres in options.move:
+            move(name, metres, locked=not options.start)
+        for name, file in options.mesh:
             bpy.ops.wm.obj_import(filepath=str(Path(file).absolute()), forward_axis="Y", up_axis="Z")
             r2sego.use_mesh_as_prior(object_name=name, place=options.place.upper())
-        for name, decision in (text.split("=", 1) for text in options.decide):
+        for name, decision in options.decide:
             r2sego.decide_prior(object_name=name, decision=decision)
         for one in bpy.context.scene.r2sego_proxy.objects:
             mesh = "its own mesh" if one.own_mesh else one.shape or "no mesh yet"
@@ -51,7 +55,13 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def move(name: str, metres: list[float], *, locked: bool) -> None:
+def moved(text: str) -> tuple[str, tuple[float, ...]]:
+    """An option ``OBJECT=X,Y,Z``."""
+    name, metres = assignment(text)
+    return name, numbers(3)(metres)
+
+
+def move(name: str, metres: tuple[float, ...], *, locked: bool) -> None:
     """Move an object's prior, tell how it fits the masks before and after, and keep it there."""
     r2sego, group = bpy.ops.r2sego, bpy.context.scene.r2sego_proxy
     r2sego.place_prior(object_name=name)

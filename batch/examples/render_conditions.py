@@ -42,6 +42,8 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--engine", choices=("cycles", "eevee"), default="cycles")
     parser.add_argument("--scale", type=float, default=1.0, help="image scale, from 0.05 to 1")
     options = parser.parse_args(arguments)
+    if not 0.05 <= options.scale <= 1.0:
+        parser.error(f"--scale {options.scale:g} is not from 0.05 to 1")
     bundle = Bundle.open(options.scene)
     if not bundle.rounds():
         raise SceneError("there is no geometry proxy yet", where=options.scene, cure="Run Refine first.")

@@ -28,6 +28,8 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--object", help="its name; no region is declared when left out")
     parser.add_argument("--run", type=int, metavar="ROUND", help="bring the scene to this round's rollouts")
     options = parser.parse_args(arguments)
+    if options.object and options.blend is None:
+        parser.error("name the .blend that --object is in with --blend")
     with enabled_addon():
         r2sego, scene = bpy.ops.r2sego, bpy.context.scene
         r2sego.open_scene(directory=str(options.scene.absolute()))

@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from enabled_addon import enabled_addon
 
-from r2sego_blender.commands.scripts import run_script
+from r2sego_blender.commands.scripts import numbers, run_script
 
 
 def main(arguments: list[str]) -> int:
@@ -32,8 +32,10 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--region", help="corners 'x,y x,y x,y' in metres, or free_floor")
     parser.add_argument("--clearance", type=float, help="metres kept from obstacles")
     parser.add_argument("--target", help="any, an object's name, or x,y: what to sit on")
-    parser.add_argument("--pitch", metavar="LOW,HIGH", help="pitch of the camera's bracket, degrees down")
-    parser.add_argument("--weights", metavar="WALK,LOOK", help="how often it walks, and looks around")
+    parser.add_argument(
+        "--pitch", type=numbers(2), metavar="LOW,HIGH", help="pitch of the camera's bracket, degrees down"
+    )
+    parser.add_argument("--weights", type=numbers(2), metavar="WALK,LOOK", help="how often it walks, and looks around")
     parser.add_argument("--seats", action="store_true", help="list what could be sat on")
     parser.add_argument("--try", dest="trial", type=int, default=0, help="attempts without a round")
     parser.add_argument("--attempt", type=int, default=None, help="shown; all successful when left out")
@@ -65,10 +67,10 @@ def declare(options: argparse.Namespace) -> None:
     elif options.scope:
         ops.choose_scope(scope="FILE", filepath=str(Path(options.scope).absolute()))
     if options.pitch:
-        low, high = (math.radians(float(angle)) for angle in options.pitch.split(","))
+        low, high = map(math.radians, options.pitch)
         ops.set_mount(mount="OWN", pitch="DRAWN", pitch_low=low, pitch_high=high)
     if options.weights:
-        walk_to, look_around = map(float, options.weights.split(","))
+        walk_to, look_around = options.weights
         ops.set_behaviours(walk_to=walk_to, look_around=look_around)
     if options.target:
         ops.pick_target(target=options.target)

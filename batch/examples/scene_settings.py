@@ -17,8 +17,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from enabled_addon import enabled_addon
 
 from r2sego_blender.bridge.scene.settings_properties import overrides, property_name, show_settings
-from r2sego_blender.commands.scripts import run_script
-from r2sego_blender.config.presets import entries, preset, with_overrides
+from r2sego_blender.commands.scripts import assignment, run_script
+from r2sego_blender.config.presets import PRESETS, entries, preset, with_overrides
 from r2sego_blender.core.errors import SceneError
 
 
@@ -27,8 +27,8 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="scene_settings.py", description=__doc__.splitlines()[0])
     parser.add_argument("scene", type=Path)
     parser.add_argument("--photographs", type=Path, help="make SCENE from this folder first")
-    parser.add_argument("--preset", help="named settings, such as preview")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes")
+    parser.add_argument("--preset", choices=tuple(PRESETS), help="named settings")
+    parser.add_argument("--set", type=assignment, action="append", default=[], metavar="KEY=VALUE", dest="changes")
     parser.add_argument("--reset", action="store_true", help="forget every changed setting first")
     parser.add_argument("--keep", metavar="NAME", help="keep the settings under this name")
     parser.add_argument("--use", metavar="NAME", help="take the settings kept under this name")
@@ -56,7 +56,7 @@ def show(options: argparse.Namespace) -> None:
             raise SceneError(f"no settings are kept as '{options.use}'", cure="Use --keep first.") from error
     if options.preset:
         state.preset = options.preset
-    change(state, dict(pair.split("=", 1) for pair in options.changes))
+    change(state, dict(options.changes))
     if options.keep:
         r2sego.keep_settings(name=options.keep)
     if options.remove:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import argparse
 import signal
 import sys
 import traceback
 from collections.abc import Callable
 
-from ..core.errors import R2SEgoError
+from ..core.errors import R2SEgoError, of_file
 
 _REPORT = "Error: "
+_WRONG_VALUE = "Converting py args to operator properties:"
 
 
 def script_arguments() -> list[str]:
@@ -30,14 +32,50 @@ def run_script(main: Callable[[list[str]], int]) -> None:
             signal.signal(number, lambda number, _: sys.exit(128 + number))
     try:
         status = main(script_arguments())
-    except R2SEgoError as error:
-        print(f"r2sego: {error}", file=sys.stderr)
-        status = 1
     except Exception as error:
-        said = str(error).strip()
-        if isinstance(error, RuntimeError) and said.startswith(_REPORT):  # an operator's
-            print(f"r2sego: {said.removeprefix(_REPORT)}", file=sys.stderr)
+        said = _said(error)
+        if said:
+            print(f"r2sego: {said}", file=sys.stderr)
         else:
             traceback.print_exc()
         status = 1
     sys.exit(status)
+
+
+def assignment(text: str) -> tuple[str, str]:
+    """The two sides of an option ``KEY=VALUE``, for argparse."""
+    key, equals, value = text.partition("=")
+    if not (key and equals):
+        raise argparse.ArgumentTypeError(f"'{text}' has no = with something before it")
+    return key, value
+
+
+def numbers(count: int) -> Callable[[str], tuple[float, ...]]:
+    """What makes ``count`` numbers of an option such as ``X,Y,Z``, for argparse."""
+
+    def parse(text: str) -> tuple[float, ...]:
+        try:
+            found = tuple(float(part) for part in text.split(","))
+        except ValueError:
+            found = ()
+        if len(found) != count:
+            raise argparse.ArgumentTypeError(
+                f"'{text}' is not {'a number' if count == 1 else f'{count} numbers with commas between them'}"
+            )
+        return found
+
+    return parse
+
+
+def _said(error: Exception) -> str:
+    """The sentence for a person about what they can mend, '' for a fault of the program."""
+    said = str(error).strip()
+    if isinstance(error, R2SEgoError):
+        return said
+    if isinstance(error, OSError):
+        return str(of_file(error))
+    if isinstance(error, RuntimeError) and said.startswith(_REPORT):  # an operator's
+        return said.removeprefix(_REPORT)
+    if isinstance(error, (TypeError, ValueError)) and said.startswith(_WRONG_VALUE):  # of an operator's property
+        return said.removeprefix(_WRONG_VALUE).strip(" :")
+    return ""

@@ -71,6 +71,14 @@ def test_any_error_ends_a_script_with_a_status(capsys):
     assert "ZeroDivisionError: in the middle" in capsys.readouterr().err
 
 
+def test_a_file_that_is_not_there_is_told_in_one_line(capsys, tmp_path):
+    with pytest.raises(SystemExit) as ended:
+        run_script(lambda arguments: (tmp_path / "nowhere.json").stat().st_size)
+    said = capsys.readouterr().err
+    assert ended.value.code == 1
+    assert "nowhere.json" in said and len(said.splitlines()) == 1
+
+
 @pytest.mark.skipif(os.name == "nt", reason="signals")
 def test_a_script_that_is_terminated_leaves_what_it_runs():
     """A job that it waits for is stopped on the way out (``Job.wait``)."""
