@@ -12,7 +12,22 @@ from types import ModuleType
 
 import bpy
 
-from . import asset, captures, collision, engine, generation, job, proxy, report, robot, scene, state, trials, views
+from . import (
+    asset,
+    captures,
+    collision,
+    engine,
+    generation,
+    job,
+    proxy,
+    report,
+    robot,
+    scene,
+    state,
+    trials,
+    view_tool,
+    views,
+)
 
 _ROOMS = (engine, scene, captures, proxy, robot, views, generation, asset, collision, report, trials)
 
@@ -28,8 +43,9 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Let a running job go on by itself, then take everything away in reverse."""
+    """Let a running job go on by itself, end tools of the mouse, then take everything away in reverse."""
     job.let_go()
+    view_tool.leave_tools()
     for room in reversed(_ROOMS):
         if hasattr(room, "unregister"):
             room.unregister()

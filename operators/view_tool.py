@@ -1,10 +1,20 @@
 """Tools that the mouse works in a 3D view: begun, followed while the view is there, and left cleanly."""
 
+import bpy
+
 from ..r2sego_blender.bridge.shared.held_view import HeldView
 from ..r2sego_blender.core.errors import R2SEgoError
 from .base import told
 
 _GOING_ON = {"RUNNING_MODAL", "PASS_THROUGH"}
+_at_work: list["ViewTool"] = []
+
+
+def leave_tools() -> None:
+    """End what is at work: of an add-on that is disabled Blender drops the operators, and tells them nothing."""
+    for tool in list(_at_work):
+        with bpy.context.temp_override(window=tool.window()):  # the mouse may be in another, as the preferences'
+            tool.cancel(bpy.context)
 
 
 class ViewTool:
@@ -58,6 +68,7 @@ class ViewTool:
         if self.cursor:
             context.window.cursor_modal_set(self.cursor)
         context.window_manager.modal_handler_add(self)
+        _at_work.append(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
@@ -81,6 +92,11 @@ class ViewTool:
                 self._leave(context)
         return ended
 
+    def window(self) -> bpy.types.Window | None:
+        """The window that shows the view it works in, None where none does any more."""
+        windows = bpy.context.window_manager.windows
+        return next((one for one in windows if self._held.places(one.screen) is not None), None)
+
     def cancel(self, context):
         """Blender ends the operator, for example because another file is opened."""
         self._leave(context)
@@ -89,6 +105,8 @@ class ViewTool:
         return {"FINISHED" if self.changed else "CANCELLED"}  # what changed can be undone
 
     def _leave(self, context) -> None:
+        if self in _at_work:
+            _at_work.remove(self)
         self.on_leave(context)
         if context.window is not None:
             if self.cursor:

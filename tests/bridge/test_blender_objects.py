@@ -20,6 +20,7 @@ from r2sego_blender.bridge.shared.outliner import find_collection  # noqa: E402
 from r2sego_blender.bridge.views.show_candidates import show_candidates  # noqa: E402
 from r2sego_blender.config.presets import entries  # noqa: E402
 from r2sego_blender.core.errors import SceneError  # noqa: E402
+from r2sego_blender.core.images import load_image_uint8, save_image  # noqa: E402
 from r2sego_blender.geometry.proxy.proxy import Provenance  # noqa: E402
 from r2sego_blender.results.panels.frusta import frustum_triangles  # noqa: E402
 
@@ -89,6 +90,15 @@ def test_captures_carry_their_photographs(scene, bundle):
         assert bpy.path.abspath(background.image.filepath) == str(view.image_path)
         assert tuple(background.image.size) == (view.camera.width, view.camera.height)
     assert scene.camera == cameras[0]
+
+
+def test_photographs_of_a_bundle_made_anew_in_its_place_are_its_own(scene, bundle):
+    file = bundle.captures()[0].image_path
+    for level in (51, 204):
+        height, width = load_image_uint8(file).shape[:2]
+        save_image(file, np.full((height, width, 3), level, np.uint8))
+        photograph = show_captures(scene, bundle)[0].data.background_images[0].image
+        np.testing.assert_allclose(photograph.pixels[:3], level / 255.0, atol=1e-6)
 
 
 def test_sparse_points_keep_their_places_and_colours(scene, bundle):

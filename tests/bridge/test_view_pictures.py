@@ -108,6 +108,16 @@ def test_showing_another_path_replaces_the_first(scene, bundle):
     assert len(bpy.data.cameras) == len(bpy.data.curves) == 1
 
 
+def test_a_clip_goes_with_its_camera_and_not_with_the_clip_of_another_scene(scene, bundle, record):
+    files, path = clip_files(record.folder), bundle.camera_path(0, 0)
+    for played in (scene, bpy.data.scenes.new("Other"), scene):
+        _, camera = show_path(played, bundle.path, "View 000", path)
+        put_behind(camera, clip_image("R2S-EGO Clip", files), len(files), 1)
+    shown = [camera.background_images[0].image for camera in bpy.data.cameras]
+    assert len(shown) == len(set(shown)) == 2 and None not in shown
+    assert set(bpy.data.images) == set(shown)
+
+
 def test_a_clip_is_a_sequence_behind_its_camera(scene, bundle, record):
     _, camera = show_path(scene, bundle.path, "View 000", bundle.camera_path(0, 0))
     files = clip_files(record.folder)

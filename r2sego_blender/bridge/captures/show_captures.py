@@ -124,6 +124,8 @@ def _add_photograph(data: bpy.types.Camera, path: Path, alpha: float) -> None:
     require_sensible_png(path, CaptureError)
     background = data.background_images.new()
     background.image = bpy.data.images.load(str(path), check_existing=True)
+    if not background.image.is_dirty:
+        background.image.reload()  # a bundle made anew in the place of another has other photographs
     background.alpha = alpha
     # The photograph and the frame have the same pixels: no letterbox, no crop.
     background.frame_method = "STRETCH"

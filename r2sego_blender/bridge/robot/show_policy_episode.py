@@ -8,8 +8,7 @@ from ...core.errors import SceneError
 from ...results.panels.bundle import Bundle
 from ...results.panels.rollout_list import POLICY, attempts
 from ...results.policy_evaluation import head_pictures
-from ..shared.clip_images import clip_image, put_behind
-from ..shared.outliner import remove_unused
+from ..shared.clip_images import clip_image, put_behind, remove_clips
 from .show_robot import show_rollouts
 
 HEAD_IMAGE = "R2S-EGO Head"
@@ -31,11 +30,8 @@ def show_policy_episode(
     files = head_pictures(bundle, number, episode.frames)
     (root,) = show_rollouts(scene, bundle, POLICY, [number], look_through=look_through)
     root.name = f"Episode {number}"
-    before = bpy.data.images.get(HEAD_IMAGE)
     if not files:
-        if before is not None:  # of another episode
-            before.user_clear()
-            remove_unused([before])
+        remove_clips(HEAD_IMAGE)  # of another episode
         return None
     image = clip_image(HEAD_IMAGE, files, SceneError)
     camera = next(part for part in root.children if part.type == "CAMERA")

@@ -11,21 +11,29 @@ from ...core.errors import GenerationError, R2SEgoError
 from ...core.image_sizes import require_sensible_png
 from .image_editors import image_editors
 
+_CLIP = "r2sego_clip"
+
 
 def clip_image(name: str, files: Sequence[Path], error: type[R2SEgoError] = GenerationError) -> bpy.types.Image:
-    """The frames, numbered without a gap, as the image sequence of this name.
+    """The frames, numbered without a gap, as the image sequence of this name, in place of those of before.
 
     Raises ``error`` for one that is no PNG, or of more pixels than is sensible.
     """
     for file in files:
         require_sensible_png(file, error)
-    before = bpy.data.images.get(name)
-    if before is not None:
-        bpy.data.images.remove(before)
+    remove_clips(name)
     image = bpy.data.images.load(str(files[0]), check_existing=False)
-    image.name = name
+    image.name, image[_CLIP] = name, name
     image.source = "SEQUENCE"
     return image
+
+
+def remove_clips(name: str) -> None:
+    """Remove the image sequences of this name, but for one behind a camera: another Blender scene plays it, or a
+    copy that is a person's own."""
+    played = {one.image for camera in bpy.data.cameras for one in camera.background_images}
+    of_name = [image for image in bpy.data.images if image.get(_CLIP, image.name) == name]
+    bpy.data.batch_remove([image for image in of_name if image.library is None and image not in played])
 
 
 def put_behind(camera: bpy.types.Object, image: bpy.types.Image, frames: int, first_frame: int) -> None:

@@ -85,6 +85,15 @@ def check_a_tool_outlives_undo():
     assert tool.modal(bpy.context, MOVED) == {"RUNNING_MODAL"} and not tool.report
 
 
+def check_a_tool_is_left_when_the_addon_is_disabled():
+    open_bundle()
+    tool = begun()
+    tools()._at_work.append(tool)
+    tools().leave_tools()
+    tools().leave_tools()
+    assert tool.left == 1
+
+
 def check_an_error_ends_a_tool_cleanly():
     errors = importlib.import_module(f"{MODULE}.r2sego_blender.core.errors")
     open_bundle()
