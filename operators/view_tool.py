@@ -119,6 +119,6 @@ def _refusal(context, label: str) -> str:
     if context.area is None or context.area.type != "VIEW_3D":
         return f"Press {label} in a 3D view"
     for other in context.window.modal_operators:
-        if other.bl_idname.startswith("R2SEGO_OT_"):
+        if other is not None and other.bl_idname.startswith("R2SEGO_OT_"):  # None: its add-on was disabled
             return f"{other.bl_label} is still at work: end it with ESC first"
     return ""

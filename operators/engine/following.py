@@ -223,8 +223,8 @@ def _in_words(seconds: float) -> str:
 
 def _being_edited() -> bool:
     """Whether the person is in the middle of an action, whose data must not change under it."""
-    windows = bpy.context.window_manager.windows
-    return any("UNDO" in running.bl_options for window in windows for running in window.modal_operators)
+    running = [one for window in bpy.context.window_manager.windows for one in window.modal_operators]
+    return any(one is not None and "UNDO" in one.bl_options for one in running)  # None: its add-on was disabled
 
 
 def _redraw() -> None:

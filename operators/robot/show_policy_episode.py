@@ -25,7 +25,9 @@ class R2SEGO_OT_show_policy_episode(ReportingOperator, bpy.types.Operator):
         name="Look Through", description="Make the head camera the scene's camera", default=False
     )
     in_editor: BoolProperty(
-        name="In an Image Editor", description="Show what the head saw in an Image Editor, a new window if needed"
+        name="In an Image Editor",
+        description="Show what the head saw in an Image Editor, a new window if needed",
+        options={"SKIP_SAVE"},  # Head sets it, and no other button does
     )
 
     @classmethod

@@ -10,11 +10,14 @@ from .polls import needs_study
 
 
 class R2SEGO_OT_run_trials(EngineOperator, bpy.types.Operator):
-    """Run the next trials with the device that judges them; the panel tells what to do. The emergency stop is
-    a circuit, not this program"""
+    """Run the next trials with the device that judges them"""
 
     bl_idname = "r2sego.run_trials"
     bl_label = "Run Trials"
+    bl_description = (
+        "Run the next trials with the device that judges them; the panel tells what to do. "
+        "The emergency stop is a circuit, not this program"
+    )
     bl_options = {"REGISTER"}
 
     study: StringProperty(

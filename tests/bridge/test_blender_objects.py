@@ -1,6 +1,7 @@
 """What the bridge makes in Blender, in pip bpy."""
 
 import json
+import shutil
 
 import fake_bundle
 import numpy as np
@@ -22,6 +23,7 @@ from r2sego_blender.config.presets import entries  # noqa: E402
 from r2sego_blender.core.errors import SceneError  # noqa: E402
 from r2sego_blender.core.images import load_image_uint8, save_image  # noqa: E402
 from r2sego_blender.geometry.proxy.proxy import Provenance  # noqa: E402
+from r2sego_blender.results.panels.bundle import Bundle  # noqa: E402
 from r2sego_blender.results.panels.frusta import frustum_triangles  # noqa: E402
 
 
@@ -92,7 +94,8 @@ def test_captures_carry_their_photographs(scene, bundle):
     assert scene.camera == cameras[0]
 
 
-def test_photographs_of_a_bundle_made_anew_in_its_place_are_its_own(scene, bundle):
+def test_photographs_of_a_bundle_made_anew_in_its_place_are_its_own(scene, bundle_path, tmp_path):
+    bundle = Bundle.open(shutil.copytree(bundle_path, tmp_path / "room.r2s"))
     file = bundle.captures()[0].image_path
     for level in (51, 204):
         height, width = load_image_uint8(file).shape[:2]

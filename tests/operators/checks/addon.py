@@ -21,7 +21,7 @@ def check_every_operator_is_there_with_a_description():
     assert set(dir(bpy.ops.r2sego)) == operators()
     for name in operators():
         kind = getattr(bpy.ops.r2sego, name).get_rna_type()
-        assert kind.description, name
+        assert kind.description and "\n" not in kind.description, name
         for prop in kind.properties:
             assert prop.description or prop.identifier == "rna_type" or prop.is_hidden, (name, prop.name)
 

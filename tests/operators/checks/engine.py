@@ -4,6 +4,7 @@ import os
 import shutil
 import sys
 import time
+from types import SimpleNamespace
 
 import bpy
 from left_jobs import followed_to_its_end, job_module, left_job, other_scene_shown, wait_until
@@ -36,6 +37,19 @@ def check_a_failing_engine_is_reported_in_its_own_words():
     assert "No module named 'click'" in told and "Press Check Engine" in told
     conduct("succeed")
     assert bpy.ops.r2sego.refine() == {"FINISHED"}
+
+
+def check_a_job_is_followed_while_another_addon_is_disabled_in_the_middle_of_its_tool():
+    following = sys.modules[f"{MODULE}.operators.engine.following"]
+    window = SimpleNamespace(modal_operators=[None])  # as Blender has it until the next event
+    beginning = following.bpy
+    following.bpy = SimpleNamespace(context=SimpleNamespace(window_manager=SimpleNamespace(windows=[window])))
+    try:
+        assert not following._being_edited()
+        window.modal_operators.append(SimpleNamespace(bl_options={"REGISTER", "UNDO"}))
+        assert following._being_edited()
+    finally:
+        following.bpy = beginning
 
 
 def check_disabling_lets_a_job_go_on_and_enabling_finds_it():

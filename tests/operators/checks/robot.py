@@ -426,6 +426,8 @@ def check_a_recorded_evaluation_is_told_and_shown():
     (background,) = scene.camera.data.background_images
     assert background.image.filepath.endswith("000.png") and background.image.size[:] == (128, 96)
     assert "no episode 9" in refused(bpy.ops.r2sego.show_policy_episode, episode=9)
+    kept = bpy.ops.r2sego.show_policy_episode.get_rna_type().properties["in_editor"]
+    assert kept.is_skip_save  # else Show does as Head did
     assert bpy.ops.r2sego.show_policy_starts() == {"FINISHED"}
     starts = bpy.data.objects["Start poses"]
     assert [one.name for one in starts.data.materials] == [
