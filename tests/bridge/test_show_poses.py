@@ -33,6 +33,17 @@ def test_outlines_reach_farthest_the_way_they_face(scene, tmp_path, turn):
     assert "trial 3" in robot.name and chair.name.startswith("Stool")
 
 
+def test_copies_stay_where_they_are_in_the_next_trial(scene, tmp_path):
+    study = tmp_path / "a.trials"
+    robot, chair = show_poses(scene, study, "trial 1", (0.0, 0.0, 0.0), (1.0, 0.5, 180.0), "Chair")
+    copy = chair.copy()
+    chair.users_collection[0].objects.link(copy)
+    copy.location.x = 3.0
+    moved = move_poses(scene, study, "trial 2", (0.5, 0.0, 0.0), (2.0, 0.5, 90.0), "Chair")
+    assert moved == [robot, chair] and chair.location.x == 2.0
+    assert copy.location.x == 3.0 and copy.name == "Chair, trial 1.001"
+
+
 def test_the_next_trial_takes_the_place_of_the_one_before(scene, tmp_path):
     study = tmp_path / "a.trials"
     assert move_poses(scene, study, "trial 1", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), "Chair") == []

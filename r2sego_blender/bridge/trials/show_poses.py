@@ -76,8 +76,9 @@ def move_poses(
     Nothing is made or removed, so that a timer may do it between two steps to undo.
     """
     collection = find_collection(scene, study, PART)
-    shown = [one for one in collection.objects if _WHICH in one] if collection is not None else []
-    for drawn in shown:
+    found = [one for one in collection.objects if _WHICH in one] if collection is not None else []
+    shown = [one for index, one in enumerate(found) if one[_WHICH] not in {before[_WHICH] for before in found[:index]}]
+    for drawn in shown:  # without copies, which stand behind, and are a person's own
         is_robot = drawn[_WHICH] == "robot"
         x, y, heading_deg = robot if is_robot else chair
         drawn.name = f"{'Robot' if is_robot else chair_type}, {trial}"
