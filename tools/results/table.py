@@ -74,8 +74,8 @@ def table(scenes: list[Scene], before: str = "") -> str:
         "3DGS has the original's settings and densification, starts from the same observed points and trains on the",
         "same captures for as many steps, over black; *GaussGym* (its sparse-stable SH3 condition) does so without",
         "densification, *same points* also at this project's rates. None of the three has a budget of Gaussians, and",
-        "the gain is over the best of them. *No generated views* is Algorithm 1 with its completed geometry and backdrop",
-        "on captures alone: what refined has beyond it, generated views are worth.",
+        "the gain is over the best of them. *No generated views* is Algorithm 1 with its completed geometry and",
+        "backdrop on captures alone: what refined has beyond it, generated views are worth.",
         *(f"Made on {date}." if together else f"Made on {date}: {named[date]}." for date in dates),
     ]
     return "\n".join(lines)
