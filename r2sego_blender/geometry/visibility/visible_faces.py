@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.compiled import kernel, parallel_kernel, prange
-from .projection import NEAR_M, place, screen_extent
+from .projection import NEAR_M, screen_extent
 from .rasterizer import draw_face, edge_plane
 from .view_volume import in_view, side_planes
 
@@ -86,9 +86,21 @@ def _place(vertices, face, pose, lens, view, placed, local, screen):
     """Take the face's vertices to the camera's frame and to pixels, once a view."""
     for corner in range(3):
         i = face[corner]
-        if placed[i] != view:
-            placed[i] = view
-            place(vertices, i, pose, lens, local, screen, i)
+        if placed[i] == view:
+            continue
+        placed[i] = view
+        # As ``projection.place`` has it: inlined from there, counting takes a third longer.
+        for axis in range(3):
+            local[i, axis] = (
+                pose[axis, 0] * vertices[i, 0]
+                + pose[axis, 1] * vertices[i, 1]
+                + pose[axis, 2] * vertices[i, 2]
+                + pose[axis, 3]
+            )
+        if local[i, 2] >= NEAR_M:
+            inverse = 1.0 / local[i, 2]
+            screen[i, 0] = local[i, 0] * inverse * lens[0] + lens[2]
+            screen[i, 1] = local[i, 1] * inverse * lens[1] + lens[3]
 
 
 @kernel
