@@ -114,9 +114,11 @@ def main() -> None:
     ]
     with atheris.instrument_imports(include=["r2sego_blender"], exclude=compiled):
         from .child import RIGHT, Reader
+        from .harness import Harness
         from .mutate import fault_key
 
-        harness = next(one for one in importlib.import_module(formats).HARNESSES if one.name == name)
+        harnesses: tuple[Harness, ...] = importlib.import_module(formats).HARNESSES
+        harness = next(one for one in harnesses if one.name == name)
         reader = Reader(Path(tempfile.gettempdir()))
         place = reader.place(harness) / harness.file
         Path(tempfile.gettempdir(), _TRIED).symlink_to(place)
