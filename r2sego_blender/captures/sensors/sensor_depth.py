@@ -113,9 +113,10 @@ def _named(folder: Path, stem: str, suffixes: tuple[str, ...]) -> Path | None:
 
     Raises CaptureError where there are several: a model's program writes a picture to look at beside each map.
     """
-    files = [path for path in folder.iterdir() if path.suffix.lower() in suffixes and path.is_file()]
-    found = [path for path in files if path.stem == stem]
-    found = sorted(found or [path for path in files if caseless(path.stem) == caseless(stem)])
+    own = caseless(stem)
+    files = [path for path in folder.iterdir() if caseless(path.stem) == own and path.suffix.lower() in suffixes]
+    alike = sorted(path for path in files if path.is_file())
+    found = [path for path in alike if path.stem == stem] or alike
     if len(found) > 1:
         raise CaptureError(
             f"{' and '.join(path.name for path in found)} may both be the map of one photograph",
