@@ -30,7 +30,9 @@ simulated_successes = 22
 
 
 def _declared(folder: Path) -> None:
-    policies = [_POLICY % (condition, seed, f"{seed:064x}") for condition in ("a", "b") for seed in (1, 2)]
+    policies = [
+        _POLICY % (condition, seed, f"{condition}{seed}".rjust(64, "0")) for condition in ("a", "b") for seed in (1, 2)
+    ]
     (folder / "a.toml").write_text(_DECLARATION + "".join(policies), encoding="utf-8")
 
 
