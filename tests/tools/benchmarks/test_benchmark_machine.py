@@ -21,7 +21,3 @@ def test_the_widest_instruction_set_is_named(monkeypatch):
 def test_peaks_are_of_this_world():
     assert 1e7 < machine.fma_rate_per_s() < 1e11
     assert 1e8 < machine.bandwidth_bytes_per_s() < 1e13
-
-
-def test_the_processor_has_a_name():
-    assert machine.processor().strip()

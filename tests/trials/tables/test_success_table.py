@@ -31,9 +31,9 @@ SATURATED = Judgement(Outcome.UNUSABLE, ((Unusable.SATURATION, "tether"), (Failu
 
 def papers_plan(folder, text=""):
     policies = "".join(
-        f'[[policies]]\ncondition = "{condition}"\nseed = {seed}\nsha256 = "{seed:064x}"\n'
+        f'[[policies]]\ncondition = "{condition}"\nseed = {seed}\nsha256 = "{number:064x}"\n'
         f"simulated_successes = {SIMULATED[condition][seed - 1]}\n"
-        for condition, seed in itertools.product(CONDITIONS, range(1, 6))
+        for number, (condition, seed) in enumerate(itertools.product(CONDITIONS, range(1, 6)))
     )
     (folder / "sitting.toml").write_text(f'name = "sitting"\n{text}\n{policies}')
     return freeze_plan(folder / "sitting.toml")
