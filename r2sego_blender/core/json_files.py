@@ -37,6 +37,17 @@ def read_json(file: Path, most_bytes: int = MOST_BYTES) -> Any:
     return parse_json(read_bytes(file, most_bytes).decode("utf-8-sig"))
 
 
+def given_json(file: Path, error: type[R2SEgoError], cure: str, what: str = "the file") -> Any:
+    """What a JSON file that a person names holds. Raises ``error`` where it, told as ``what``, cannot be read, and
+    with this ``cure`` where it is no JSON."""
+    try:
+        return read_json(file)
+    except OSError as cause:
+        raise error(f"{what} cannot be read", where=file, cure="Check the path.") from cause
+    except ValueError as cause:
+        raise error(f"it is not JSON: {cause}", where=file, cure=cure) from cause
+
+
 def parse_json(text: str) -> Any:
     """The value of a JSON text, whose numbers are finite and fit 64 bits.
 

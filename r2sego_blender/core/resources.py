@@ -1,10 +1,11 @@
-"""What this process has used of its machine: processor seconds and memory."""
+"""The machine, and what this process has used of it: processor seconds and memory."""
 
 from __future__ import annotations
 
 import contextlib
 import math
 import os
+import platform
 import sys
 from pathlib import Path
 
@@ -105,3 +106,12 @@ def available_memory_mb() -> float:
         used = int((_GROUP / "memory.current").read_text()) - int(told["inactive_file"])  # files are let go
         free.append((most - used) / 2**20)
     return max(min(free), 0.0)
+
+
+def processor() -> str:
+    """The processor's name as the system tells it."""
+    with contextlib.suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()

@@ -96,6 +96,6 @@ def _key(inputs: SceneInputs, count: int, preset: PlannedPreset, seed: int, arms
     """The digest of the library's version, the captures, the frozen views, what else decides scores, and settings."""
     settings = preset.settings(seed)
     baselines = {arm: own for arm, own in baseline_settings(settings.training).items() if arm in arms}
-    made_of: list[Any] = [settings, baselines, sorted(arms), inputs.options, inputs.captures[:count], inputs.poses]
-    made_of += [inputs.others]
+    scene = [inputs.options, inputs.captures[:count], inputs.poses, inputs.others]
+    made_of = [settings, baselines, sorted(arms), *scene]
     return step_key(["frozen"], made_of, lambda _: inputs.frozen_sha256)

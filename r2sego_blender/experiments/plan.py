@@ -60,9 +60,11 @@ def _file_or(names: Sequence[str]) -> Callable[[Any, Path], str]:
         if not isinstance(value, str) or "\0" in value:
             raise ValueError("Write a name, or a path in quotes.")
         file = _place(value, where)
-        if value and value not in names and not file.is_file():
+        if file.is_file():
+            return str(file)
+        if value and value not in names:
             raise ValueError(did_you_mean(value, names, f"Give {', '.join(names)} or a file that is there."))
-        return str(file) if file.is_file() else value
+        return value
 
     return read
 

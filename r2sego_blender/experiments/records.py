@@ -18,6 +18,7 @@ from .. import __version__
 from ..core.atomic_files import write_whole
 from ..core.errors import ExperimentError
 from ..core.json_files import finite_number, read_json
+from ..core.resources import processor
 from ..evaluation.surfaces.figures import DEPTH_KINDS, REGION_KINDS, SEEN_BY, SURFACE_KINDS
 
 RECORD = "record.json"
@@ -171,12 +172,3 @@ def _commit() -> str:
     with contextlib.suppress(OSError, subprocess.SubprocessError):
         return subprocess.run(command, capture_output=True, text=True, timeout=10.0).stdout.strip()
     return ""
-
-
-def processor() -> str:
-    """The processor's name as the system tells it."""
-    with contextlib.suppress(OSError):
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()

@@ -17,7 +17,7 @@ from ..bundle import layout
 from ..bundle.artifacts import Artifact
 from ..bundle.scene import Scene
 from ..core.errors import AssetError
-from ..core.json_files import read_json, write_json
+from ..core.json_files import given_json, write_json
 from .regions import Box, Region, region_of
 
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
@@ -113,12 +113,7 @@ def _load(file: Path) -> AssetEdit:
 
 
 def _json(file: Path) -> dict:
-    try:
-        data = read_json(file)
-    except OSError as error:
-        raise AssetError("the file cannot be read", where=file, cure="Check the path.") from error
-    except ValueError as error:
-        raise AssetError(f"it is not JSON: {error}", where=file, cure="Mend or remove it.") from error
+    data = given_json(file, AssetError, "Mend or remove it.")
     if not isinstance(data, dict):
         raise AssetError("it is no JSON object", where=file, cure="Mend or remove it.")
     return data

@@ -101,3 +101,7 @@ except MemoryError:
 def test_a_child_takes_no_more_memory_than_it_may():
     told = subprocess.run([sys.executable, "-c", _LIMITED], capture_output=True, text=True, check=True).stdout
     assert told.strip() == "refused"
+
+
+def test_the_processor_has_a_name():
+    assert resources.processor().strip()

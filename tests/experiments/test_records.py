@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from r2sego_blender.core.errors import ExperimentError
-from r2sego_blender.experiments.records import MEASURED_KINDS, RECORD, Record, Stage, processor, read_record, score_of
+from r2sego_blender.experiments.records import MEASURED_KINDS, RECORD, Record, Stage, read_record, score_of
 
 VIEW = {"name": "a.png", "psnr": 24.5, "ssim": 0.8, "lpips_alex": None, "psnr_seen": 26.0, "unseen": 0.25}
 ARM = {"psnr": 24.0, "ssim": 0.8, "lpips_alex": None, "psnr_seen": None, "unseen": 0.25, "seen_by": "a mesh"}
@@ -54,7 +54,3 @@ def test_a_damaged_figure_is_told(tmp_path, damage):
     (tmp_path / RECORD).write_text(json.dumps(data))
     with pytest.raises(ExperimentError, match="damaged"):
         read_record(tmp_path)
-
-
-def test_the_processor_has_a_name():
-    assert processor().strip()

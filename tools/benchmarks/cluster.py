@@ -22,9 +22,9 @@ from r2sego_blender.commands.bench_defaults import CLUSTER_CELLS, CLUSTER_SECOND
 from r2sego_blender.core.errors import MachineError, SettingsError
 from r2sego_blender.core.json_files import write_json
 from r2sego_blender.core.progress import SILENT, Progress, TerminalProgress
+from r2sego_blender.core.resources import processor
 from r2sego_blender.experiments.experiment import Experiment, run_experiment
 from r2sego_blender.experiments.ray_runner import START, RayRunner, ray_runner
-from r2sego_blender.experiments.records import processor
 from r2sego_blender.workers.processes import end_tree, ended_with_this_process, group_of_its_own
 
 from .sleeping.cells import SleepingCells

@@ -19,7 +19,7 @@ from r2sego_blender.core.cameras import Camera
 from r2sego_blender.core.errors import SettingsError
 from r2sego_blender.core.images import save_image
 from r2sego_blender.core.progress import SILENT, Progress
-from r2sego_blender.experiments.records import processor
+from r2sego_blender.core.resources import processor
 from r2sego_blender.generation.conditions.condition_files import save_conditions
 from r2sego_blender.generation.conditions.conditions import ZBufferRenderer
 from r2sego_blender.generation.conditions.point_condition import PointConditions

@@ -28,10 +28,10 @@ from r2sego_blender.config.settings import Settings
 from r2sego_blender.core.cameras import Camera
 from r2sego_blender.core.errors import SceneError
 from r2sego_blender.core.progress import SILENT, Progress
+from r2sego_blender.core.resources import processor
 from r2sego_blender.evaluation.error_causes import CAUSES, causes, split
 from r2sego_blender.evaluation.frozen_views import frozen_views
 from r2sego_blender.evaluation.ground_truth import GroundTruth, load_ground_truth
-from r2sego_blender.experiments.records import processor
 from r2sego_blender.generation.conditions.conditions import Condition, ZBufferRenderer
 from r2sego_blender.generation.generators.blending import BlendingGenerator
 from r2sego_blender.generation.generators.slot import Frame

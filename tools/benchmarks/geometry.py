@@ -25,9 +25,8 @@ from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.store import CAPTURES
 from r2sego_blender.core.errors import GeometryError
 from r2sego_blender.core.progress import SILENT, Progress
-from r2sego_blender.core.resources import cpu_s, forget_peak_memory, peak_memory_mb
+from r2sego_blender.core.resources import cpu_s, forget_peak_memory, peak_memory_mb, processor
 from r2sego_blender.evaluation.ground_truth import GroundTruth, load_ground_truth
-from r2sego_blender.experiments.records import processor
 from r2sego_blender.geometry.objects.prior_files import PRIOR_RECORDS
 from r2sego_blender.geometry.proxy.proxy import PROXY
 from r2sego_blender.geometry.stereo.observed_geometry import OBSERVED

@@ -18,8 +18,7 @@ from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.commands.bench_defaults import POLICY_GAUSSIANS, POLICY_PROCESSES, POLICY_STEPS
 from r2sego_blender.core.errors import SettingsError
 from r2sego_blender.core.progress import SILENT, Progress
-from r2sego_blender.core.resources import available_cores
-from r2sego_blender.experiments.records import processor
+from r2sego_blender.core.resources import available_cores, processor
 from r2sego_blender.policy.environment.environments import SitEnv
 from r2sego_blender.policy.environment.episode import PHYSICS_S
 from r2sego_blender.robot.model.composition import compose

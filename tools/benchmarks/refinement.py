@@ -25,11 +25,11 @@ from r2sego_blender.config.presets import with_overrides
 from r2sego_blender.core.errors import SceneError
 from r2sego_blender.core.json_files import rounded
 from r2sego_blender.core.progress import SILENT, Progress
+from r2sego_blender.core.resources import processor
 from r2sego_blender.evaluation import round_scores
 from r2sego_blender.evaluation.arms import ARMS, DEFAULT_ARMS, REFINED, strongest_baseline
 from r2sego_blender.evaluation.ground_truth import load_ground_truth
 from r2sego_blender.evaluation.scene_evaluation import evaluate_scene
-from r2sego_blender.experiments.records import processor
 from r2sego_blender.generation.view_records import read_views
 from r2sego_blender.geometry.objects.prior_files import PRIOR_RECORDS
 from r2sego_blender.pipeline import refine

@@ -19,9 +19,9 @@ import numpy as np
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.core.cameras import Camera, rotation_angle_rad
 from r2sego_blender.core.progress import SILENT, Progress
+from r2sego_blender.core.resources import processor
 from r2sego_blender.evaluation.frozen_views import frozen_views
 from r2sego_blender.evaluation.ground_truth import load_ground_truth
-from r2sego_blender.experiments.records import processor
 from r2sego_blender.generation.registration.frame_registration import RegisteredFrame, register_frame
 from r2sego_blender.generation.registration.landmarks import Landmarks
 from r2sego_blender.generation.registration.vggt import VGGTRegistrar

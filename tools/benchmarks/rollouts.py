@@ -27,8 +27,7 @@ from r2sego_blender.config.settings import SelectionSettings
 from r2sego_blender.core.errors import RobotError, SettingsError
 from r2sego_blender.core.images import save_image
 from r2sego_blender.core.progress import SILENT, Progress
-from r2sego_blender.core.resources import available_cores, cpu_s
-from r2sego_blender.experiments.records import processor
+from r2sego_blender.core.resources import available_cores, cpu_s, processor
 from r2sego_blender.geometry.collision.collision_files import COLLISION, write_collision
 from r2sego_blender.geometry.proxy.proxy import PROXY
 from r2sego_blender.pipeline import refine

@@ -15,9 +15,10 @@ from r2sego_blender.commands.bench_defaults import SCALING_FASTER, SCALING_SCENE
 from r2sego_blender.core.errors import SettingsError
 from r2sego_blender.core.formatting import duration
 from r2sego_blender.core.progress import SILENT, Progress
+from r2sego_blender.core.resources import processor
 from r2sego_blender.experiments.cells import Cell
 from r2sego_blender.experiments.experiment import Experiment, Tables, run_experiment
-from r2sego_blender.experiments.records import Record, Stage, processor
+from r2sego_blender.experiments.records import Record, Stage
 from r2sego_blender.experiments.running import Outcome, RunCell
 from r2sego_blender.experiments.scheduling import schedule
 

@@ -17,7 +17,7 @@ from r2sego_blender.commands.bench_defaults import CONDITIONS_TRIANGLES, SHARED_
 from r2sego_blender.core.errors import MachineError, SettingsError
 from r2sego_blender.core.json_files import read_json
 from r2sego_blender.core.progress import SILENT, Progress
-from r2sego_blender.experiments.records import processor
+from r2sego_blender.core.resources import processor
 
 from .workloads import made_up_proxy, parse_size
 

@@ -25,7 +25,7 @@ from r2sego_blender.config.settings import CaptureSettings
 from r2sego_blender.core.cameras import rotation_angle_rad
 from r2sego_blender.core.errors import CaptureError
 from r2sego_blender.core.progress import SILENT, Progress
-from r2sego_blender.experiments.records import processor
+from r2sego_blender.core.resources import processor
 
 _MATCHERS = {"sift": "SIFT alone", "xfeat": "XFeat beside it"}
 

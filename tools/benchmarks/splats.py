@@ -20,8 +20,7 @@ from r2sego_blender.config.training_settings import TrainingSettings
 from r2sego_blender.core.cameras import Camera
 from r2sego_blender.core.errors import SettingsError
 from r2sego_blender.core.progress import SILENT, Progress, Task
-from r2sego_blender.core.resources import forget_peak_memory, peak_memory_mb
-from r2sego_blender.experiments.records import processor
+from r2sego_blender.core.resources import forget_peak_memory, peak_memory_mb, processor
 from r2sego_blender.splats.kernels.adam import AdamState
 from r2sego_blender.splats.kernels.loss import PhotometricLoss
 from r2sego_blender.splats.kernels.packing import PackedGaussians, rows_of

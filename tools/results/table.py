@@ -18,8 +18,8 @@ from pathlib import Path
 from r2sego_blender.bundle.figures import CAMERAS, METRICS
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.core.errors import R2SEgoError
+from r2sego_blender.core.resources import processor
 from r2sego_blender.evaluation.arms import DEFAULT_ARMS, INITIAL, REFINED, strongest_baseline
-from r2sego_blender.experiments.records import processor
 
 README = Path(__file__).resolve().parents[2] / "README.md"
 _ARMS = "vanilla 3DGS | GaussGym | same points | no generated views | refined"

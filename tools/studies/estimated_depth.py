@@ -35,9 +35,9 @@ from r2sego_blender.captures.store import CAPTURES
 from r2sego_blender.core.errors import GeometryError, R2SEgoError
 from r2sego_blender.core.json_files import read_json, write_json
 from r2sego_blender.core.progress import SILENT, Progress
+from r2sego_blender.core.resources import processor
 from r2sego_blender.editing.recorded_depth import record_depth
 from r2sego_blender.evaluation.ground_truth import GroundTruth, load_ground_truth
-from r2sego_blender.experiments.records import processor
 from r2sego_blender.geometry.proxy.proxy import PROXY
 from r2sego_blender.geometry.room.completed_depth import COMPLETED
 from r2sego_blender.pipeline import refine

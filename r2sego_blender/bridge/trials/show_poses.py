@@ -76,14 +76,16 @@ def move_poses(
     Nothing is made or removed, so that a timer may do it between two steps to undo.
     """
     collection = find_collection(scene, study, PART)
-    found = [one for one in collection.objects if _WHICH in one] if collection is not None else []
-    shown = [one for index, one in enumerate(found) if one[_WHICH] not in {before[_WHICH] for before in found[:index]}]
-    for drawn in shown:  # without copies, which stand behind, and are a person's own
+    shown: dict[str, bpy.types.Object] = {}
+    for one in collection.objects if collection is not None else ():
+        if _WHICH in one:
+            shown.setdefault(one[_WHICH], one)  # copies stand behind, and are a person's own
+    for drawn in shown.values():
         is_robot = drawn[_WHICH] == "robot"
         x, y, heading_deg = robot if is_robot else chair
         drawn.name = f"{'Robot' if is_robot else chair_type}, {trial}"
         drawn.location, drawn.rotation_euler = (x, y, 0.0), (0.0, 0.0, math.radians(heading_deg))
-    return shown
+    return list(shown.values())
 
 
 def _curve(name: str, outline: _Outline, colour: tuple[float, float, float]) -> bpy.types.Curve:

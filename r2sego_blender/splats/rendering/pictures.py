@@ -13,7 +13,7 @@ from ...core.arrays import save_arrays
 from ...core.cameras import RIGID_CURE, Camera, NotRigidError
 from ...core.errors import AssetError
 from ...core.images import SUFFIXES, save_image
-from ...core.json_files import read_json
+from ...core.json_files import given_json
 from ...core.progress import SILENT, Progress
 from ..asset import SplatAsset
 from ..formats.files import publishing
@@ -31,12 +31,7 @@ def camera_entries(file: Path) -> list[Any]:
 
     Raises AssetError where there is none.
     """
-    try:
-        data = read_json(file)
-    except OSError as error:
-        raise AssetError("the cameras cannot be read", where=file, cure="Check the path.") from error
-    except ValueError as error:
-        raise AssetError(f"it is not JSON: {error}", where=file, cure="Mend the file.") from error
+    data = given_json(file, AssetError, "Mend the file.", "the cameras")
     entries = (data.get("cameras") or data.get("captures")) if isinstance(data, dict) else None
     if not isinstance(entries, list) or not entries:
         raise AssetError("there is no list 'cameras'", where=file, cure="Give one entry a camera.")
