@@ -30,7 +30,7 @@ from r2sego_blender.geometry.proxy.proxy import GeometryProxy
 from r2sego_blender.pipeline import refine
 from r2sego_blender.refine.creation import create_scene
 from r2sego_blender.results.export import export_scene
-from r2sego_blender.results.plan import parts_outdated, plan_refinement
+from r2sego_blender.results.plan import obstacle, parts_outdated, plan_refinement
 from r2sego_blender.results.status import describe, lines
 from r2sego_blender.splats.formats.ply import load_ply
 from r2sego_blender.splats.rendering.rasterizer import render
@@ -325,6 +325,15 @@ def test_what_would_be_made_anew_is_not_called_of_one_piece(small_room, tmp_path
     assert told[0] == "warning" and words in told[1] and f"Not of one piece: {words}" in about
     export_scene(small_room, tmp_path / "whole")
     assert "of one piece" not in (tmp_path / "whole" / "about.txt").read_text()
+
+
+def test_a_photograph_that_is_gone_is_told_before_the_next_refine(small_room, tmp_path):
+    scene = Scene.open(shutil.copytree(small_room.path, tmp_path / "copy.r2s"))
+    assert obstacle(scene) == ""
+    gone = next((scene.captures_folder / "images").iterdir())
+    gone.unlink()
+    state = describe(scene, obstacle=obstacle(scene))
+    assert str(gone) in state["obstacle"] and any(str(gone) in line for line in lines(state))
 
 
 def test_export_gives_files_other_tools_read(small_room, tmp_path):

@@ -7,7 +7,7 @@ import shutil
 import stat
 import struct
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path, PurePosixPath
 from typing import IO
 
@@ -57,23 +57,35 @@ def unpack(archive: Path, folder: Path, progress: Progress) -> Path:
 
 
 @contextlib.contextmanager
-def errors_of(archive: Path, folder: Path) -> Iterator[None]:
-    """Errors of what was unpacked into ``folder`` name the archive in its place: nobody knows that folder.
+def naming(archive: Path, folder: Path, progress: Progress) -> Iterator[Progress]:
+    """A progress for work on what was unpacked into ``folder``, which nobody knows: what is told through it, and
+    errors that are raised within, name the archive in its place.
 
-    What they ask to do in there takes unpacking it.
+    What errors ask to do in there takes unpacking it.
     """
 
     def named(text: str) -> str:
         return text.replace(str(folder), str(archive))
 
     try:
-        yield
+        yield _Renamed(progress, named)
     except R2SEgoError as error:
         where = None if error.where is None else named(error.where)
         cure = named(error.cure)
         if (where, cure) != (error.where, error.cure):
             cure = f"{cure} {_UNPACK}"
         raise type(error)(named(error.what), where=where, cure=cure) from error
+
+
+class _Renamed(Progress):
+    """A progress whose messages are ``named``."""
+
+    def __init__(self, progress: Progress, named: Callable[[str], str]) -> None:
+        self._progress, self._named = progress, named
+        self.task, self.picture = progress.task, progress.picture  # type: ignore[method-assign]
+
+    def message(self, text: str, level: str = "info") -> None:
+        self._progress.message(self._named(text), level)
 
 
 def _unpack(archive: Path, opened: zipfile.ZipFile, folder: Path, progress: Progress) -> None:

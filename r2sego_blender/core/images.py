@@ -56,7 +56,8 @@ warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # and of fewer 
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _PNG_CHUNKS = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
 _PNG = b"\x89PNG\r\n\x1a\n"
-_TIFF_WIDTH, _TIFF_HEIGHT = 256, 257
+_TIFF_WIDTH, _TIFF_HEIGHT, _TIFF_BITS, _TIFF_PHOTOMETRIC, _TIFF_PLANAR = 256, 257, 258, 262, 284
+_WHITE_IS_ZERO, _PLANES = 0, 2
 _MOST_PNG_CHUNKS = 1 << 20
 
 
@@ -135,8 +136,16 @@ def _srgb(image: Image.Image, path: Path) -> Image.Image:
             where=path,
             cure="Save it with 8 or 16 bits a channel.",
         )
+    tags = image.tag_v2 if isinstance(image, TiffImagePlugin.TiffImageFile) else {}
+    if tags.get(_TIFF_PLANAR) == _PLANES and max(tags.get(_TIFF_BITS, (8,))) > 8:  # Pillow mixes their bytes up
+        raise CaptureError(
+            "the image has 16 bits a value and its colours one after another",
+            where=path,
+            cure="Save it with interleaved (chunky) colours, or with 8 bits a channel.",
+        )
     if image.mode.startswith("I;16"):  # Pillow would cut grey values off at 255
-        image = Image.fromarray((np.asarray(image) >> 8).astype(np.uint8))
+        grey = (np.asarray(image) >> 8).astype(np.uint8)
+        image = Image.fromarray(255 - grey if tags.get(_TIFF_PHOTOMETRIC) == _WHITE_IS_ZERO else grey)
     profile = image.info.get("icc_profile")
     if image.has_transparency_data:  # over black as splats are: what it hides may be of any colour
         image = image.convert("RGBA")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 
 from ..bundle.scene import Scene
 from ..bundle.stale import require_present_frame
+from ..core import atomic_files
 from ..core.arrays import opened_arrays, require_shapes
 from ..core.errors import GeometryError
 from ..geometry.objects.shapes import load_shape
@@ -98,7 +98,7 @@ def _drawn(scene: Scene, file: Path, edits: Sequence[Edit]) -> Drawn:
 
 def _publish(scene: Scene, edits: Sequence[Edit]) -> None:
     if not edits:
-        shutil.rmtree(scene.path / PROXY_EDITS.name, ignore_errors=True)
+        atomic_files.remove(scene.path / PROXY_EDITS.name)
         return
     with scene.publishing(PROXY_EDITS.name) as folder:
         for edit in edits:

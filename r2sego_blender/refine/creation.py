@@ -13,7 +13,7 @@ from ..bundle.creating import create_bundle, require_place
 from ..bundle.declaration import Declaration
 from ..bundle.layout import GROUND_PICTURES
 from ..bundle.scene import Scene
-from ..captures.archives import errors_of, is_archive, unpack
+from ..captures.archives import is_archive, naming, unpack
 from ..captures.blur import relative_sharpness, weights_of
 from ..captures.capture import Capture
 from ..captures.exposure import exposure_gains_of
@@ -65,11 +65,10 @@ def create_scene(
     path, captures, poses = Path(path), Path(captures), poses and Path(poses)  # scripts give texts, too
     require_place(path)
     if is_archive(captures):
-        with ScratchFolder() as unpacked, errors_of(captures, Path(unpacked)):
-            folder = unpack(captures, Path(unpacked), progress)
-            return create_scene(
-                path, folder, poses or poses_unpacked(folder), robot, scope, scale, settings, progress, choice
-            )
+        with ScratchFolder() as unpacked, naming(captures, Path(unpacked), progress) as told:
+            folder = unpack(captures, Path(unpacked), told)
+            poses = poses or poses_unpacked(folder)
+            return create_scene(path, folder, poses, robot, scope, scale, settings, told, choice)
     is_video = captures.is_file() and captures.suffix.lower() in VIDEOS
     recording = find_recording(captures, poses)
     if choice.first and (is_video or recording is not None or choice.names):

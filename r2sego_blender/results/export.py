@@ -99,9 +99,8 @@ def _exported(
 ) -> list[Path]:
     rounds = scene.rounds_of_result()
     if not scene.asset_file.is_file() or not scene.collision_folder.is_dir() or not rounds:
-        raise SceneError(
-            "there is nothing to export yet", where=scene.path, cure=f"Run `r2sego refine {scene.path}` first."
-        )
+        what = "a part of the result is missing" if scene.asset_file.is_file() else "there is nothing to export yet"
+        raise SceneError(what, where=scene.path, cure=f"Run `r2sego refine {scene.path}` first.")
     require_outside(folder)
     require_present_frame(scene, [REFINED_ASSET, COLLISION, of_round(rounds - 1, "proxy")], "exported")
     require_as_made(scene, REFINED_ASSET, COLLISION)

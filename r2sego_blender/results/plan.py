@@ -46,7 +46,7 @@ def plan_refinement(scene: Scene) -> tuple[PlannedStep, ...]:
 def parts_outdated(scene: Scene) -> list[str]:
     """What people call the parts that are there and that the next refinement would do again.
 
-    None where the plan cannot be made, as of a robot that is not there any more: refining says so.
+    None where the plan cannot be made: see ``obstacle``.
     """
     there: list[PlannedStep] = []
     if scene.recorded():
@@ -54,6 +54,15 @@ def parts_outdated(scene: Scene) -> list[str]:
             there = [step for step in plan_refinement(scene) if (scene.path / step.target).exists()]
     redone: list[str] = describe_plan(there)["redone"]
     return redone
+
+
+def obstacle(scene: Scene) -> str:
+    """Why the next refinement would not begin, as for a robot or a photograph that is gone; "" where it would."""
+    try:
+        plan_refinement(scene)
+    except R2SEgoError as error:
+        return str(error)
+    return ""
 
 
 def describe_plan(steps: Sequence[PlannedStep], half_corrected: bool = False) -> dict[str, Any]:

@@ -23,11 +23,14 @@ _COUNTS = {"rollouts_succeeded", "rollouts_failed", "candidates", "targets", "vi
 """What is told of each round."""
 
 
-def describe(scene: Scene, look_at_results: bool = False, outdated: Sequence[str] = ()) -> dict[str, Any]:
+def describe(
+    scene: Scene, look_at_results: bool = False, outdated: Sequence[str] = (), obstacle: str = ""
+) -> dict[str, Any]:
     """The scene's state, JSON-ready: declaration, rounds done and what each left.
 
     With ``look_at_results`` they are read through, and ``damaged`` names those that are not as they
-    were published. ``outdated`` are the parts that the next refinement makes again (``plan``).
+    were published. ``outdated`` are the parts that the next refinement makes again, ``obstacle`` is why it would
+    not begin (``plan``).
     """
     declared = scene.declaration
     rounds = [_describe_round(scene, index) for index in _counted_rounds(scene)]
@@ -56,6 +59,7 @@ def describe(scene: Scene, look_at_results: bool = False, outdated: Sequence[str
         "damaged": list(damaged),
         "half_corrected": half_corrected,
         "outdated": list(outdated),
+        "obstacle": obstacle,
         "refined": is_whole and len(rounds) >= rounds_declared and not outdated,
         "metrics": metrics,
         "metrics_outdated": metrics is not None and not scores_hold(scene),
@@ -87,6 +91,8 @@ def lines(state: dict[str, Any]) -> list[str]:
         text.append("a correction was cut off before all of it was in its place; refine finishes it first")
     if state["outdated"] and len(state["rounds"]) >= state["rounds_declared"]:
         text.append(f"what they are made of, or a setting, has changed: {', '.join(state['outdated'])}")
+    if state["obstacle"]:
+        text.append(f"the next refine would not begin: {state['obstacle']}")
     text.append("refined" if state["refined"] else f"next: r2sego refine {_quoted(state['scene'])}")
     return text
 

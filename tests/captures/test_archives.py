@@ -15,6 +15,7 @@ from expected_errors import refused
 from hypothesis import given
 from hypothesis import strategies as st
 from phone_recordings import three_d_scanner_app
+from progress_recorder import ProgressRecorder
 
 from r2sego_blender.captures.archives import is_archive, unpack
 from r2sego_blender.captures.store import CAPTURES
@@ -87,10 +88,14 @@ def test_photographs_in_a_zip_have_the_poses_that_lie_there(tmp_path, room_captu
         {"file_path": f"{place}{c.name}", "transform_matrix": (c.camera.world_from_camera @ gl).tolist()}
         for c in room_captures
     ]
-    (scan / "transforms.json").write_text(json.dumps({"fl_x": 300.0, "metric": True, "frames": frames}))
+    gone = {**frames[0], "file_path": "gone.png"}
+    poses = {"fl_x": 300.0, "metric": True, "frames": [*frames, gone]}
+    (scan / "transforms.json").write_text(json.dumps(poses))
     shutil.make_archive(str(tmp_path / "scan"), "zip", scan.parent)
-    settings = CaptureSettings(max_side_px=160, matcher="sift")
-    scene = create_scene(tmp_path / "scan.r2s", tmp_path / "scan.zip", settings=settings)
+    settings, told = CaptureSettings(max_side_px=160, matcher="sift"), ProgressRecorder()
+    scene = create_scene(tmp_path / "scan.r2s", tmp_path / "scan.zip", settings=settings, progress=told)
+    (warned,) = (text for text in told.warnings if "gone.png" in text)
+    assert f"{tmp_path / 'scan.zip'}/room" in warned and told.tasks
     found = [capture.camera.centre for capture in scene.read(CAPTURES)]
     true = [capture.camera.centre for capture in room_captures]
     apart = [np.linalg.norm(np.subtract(places[0], places[-1])) for places in (found, true)]

@@ -1,5 +1,6 @@
 """Reading images: what phones and programs write, and what is no good."""
 
+import struct
 import subprocess
 import sys
 
@@ -153,6 +154,42 @@ def test_a_heic_beside_the_same_photograph_of_another_kind_is_none(tmp_path):
     for name in ("IMG_1.HEIC", "img_1.jpg", "IMG_2.heic", "IMG_3.png"):
         (tmp_path / name).write_bytes(b"")
     assert [path.name for path in image_files(tmp_path)] == ["IMG_2.heic", "IMG_3.png", "img_1.jpg"]
+
+
+def _planar_tiff(planes, photometric):
+    """A TIFF of (C, H, W) uint8 or uint16 values whose planes lie one after another, as Pillow writes none."""
+    count, height, width = planes.shape
+    inline, beyond, entries = 8 + 2 + 12 * 8 + 4, b"", b""
+    pixels = inline + 10 * count  # behind the numbers that do not fit into their entries
+    size = planes.nbytes // count
+    tags = ((256, "I", [width]), (257, "I", [height]), (258, "H", [planes.itemsize * 8] * count))
+    tags += ((262, "H", [photometric]), (273, "I", [pixels + size * n for n in range(count)]), (277, "H", [count]))
+    tags += ((279, "I", [size] * count), (284, "H", [min(count, 2)]))
+    for tag, kind, values in tags:
+        raw = struct.pack(f"<{len(values)}{kind}", *values)
+        where = raw.ljust(4, b"\0") if len(raw) <= 4 else struct.pack("<I", inline + len(beyond))
+        beyond += raw if len(raw) > 4 else b""
+        entries += struct.pack("<HHI", tag, 3 if kind == "H" else 4, len(values)) + where
+    content = b"II*\0" + struct.pack("<IH", 8, len(tags)) + entries + bytes(4) + beyond
+    return content.ljust(pixels, b"\0") + planes.tobytes()
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+def test_a_tiff_whose_white_is_zero_is_no_negative(tmp_path, bits):
+    """Scanners write such greys."""
+    stored = np.array([[[0, 64, 255]]]).astype(f"u{bits // 8}") * (257 if bits == 16 else 1)
+    (tmp_path / "scan.tif").write_bytes(_planar_tiff(stored, photometric=0))
+    np.testing.assert_array_equal(load_image_uint8(tmp_path / "scan.tif")[0, :, 0], [255, 191, 0])
+
+
+def test_a_tiff_of_planes_is_right_or_refused(tmp_path):
+    """Pillow takes the bytes of 16-bit ones for those of 8-bit ones."""
+    planes = np.random.default_rng(0).integers(0, 255, (3, 4, 5))
+    (tmp_path / "photo.tif").write_bytes(_planar_tiff(planes.astype(np.uint8), photometric=2))
+    np.testing.assert_array_equal(load_image_uint8(tmp_path / "photo.tif"), np.moveaxis(planes, 0, -1))
+    (tmp_path / "photo.tif").write_bytes(_planar_tiff(planes.astype(np.uint16) * 257, photometric=2))
+    with pytest.raises(CaptureError, match=r"photo\.tif: .*16 bits.*interleaved"):
+        load_image_uint8(tmp_path / "photo.tif")
 
 
 @pytest.mark.parametrize("read", [load_image, photograph_size])
