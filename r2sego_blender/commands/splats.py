@@ -73,7 +73,8 @@ def convert(source: Path, target: Path) -> None:
     asset = load_asset(source, TerminalProgress())
     save_asset(target, asset)
     degree = min(asset.degree, format_of(target).degree)
-    click.echo(f"{target}: {len(asset)} Gaussians of degree {degree}")
+    lost = f"; the file's own {asset.degree} does not fit into {target.suffix}" if degree < asset.degree else ""
+    click.echo(f"{target}: {len(asset)} Gaussians of degree {degree}{lost}")
 
 
 COMMANDS = (train, convert)

@@ -213,7 +213,9 @@ def _evened(
 def _look_over(scale: Scale, folder: Path, solved: bool) -> None:
     """Raise CaptureError where ``scale`` names what is not there: solving poses takes minutes."""
     if scale.kind == "depth" and scale.folder is not None:
-        SensorDepth.beside(scale.folder, scale.unit_m)
+        sensor = SensorDepth.beside(scale.folder, scale.unit_m)
+        if solved and (files := image_files(folder)):
+            sensor.require_maps_of([path.name for path in files])
     if scale.kind == "marker" and solved:
         require_marker(image_files(folder), scale)
     if scale.kind == "known_length" and solved:

@@ -40,6 +40,17 @@ def test_a_scale_that_cannot_be_is_told_before_poses_are_solved(tmp_path, scale,
     assert not (tmp_path / "room.r2s").exists()
 
 
+@pytest.mark.parametrize("named", [0, 1, 2])
+def test_depth_maps_called_otherwise_are_told_before_poses_are_solved(tmp_path, named):
+    save_unlike(tmp_path / "photos")
+    (tmp_path / "depth").mkdir()
+    for index in range(3):
+        np.save(tmp_path / "depth" / (f"IMG_{index}.npy" if index < named else f"depth_{index}.npy"), np.ones((48, 64)))
+    expected = "no two of the 3 photographs" if named == 2 else rf"depth: .*of {named} of 3 photographs.*IMG_0\.png"
+    with pytest.raises(CaptureError, match=expected):
+        create_scene(tmp_path / "room.r2s", tmp_path / "photos", scale=Scale.depth(tmp_path / "depth"))
+
+
 @pytest.mark.parametrize("place", ["masks", "photos/masks"])
 def test_masks_beside_the_photographs_are_told_with_the_command_that_reads_them(tmp_path, place):
     save_unlike(tmp_path / "photos")

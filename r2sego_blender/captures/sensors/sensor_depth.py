@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ...bundle.layout import mask_stems
 from ...core.arrays import arrays_of, load_array
 from ...core.errors import CaptureError, NativeError
 from ...core.file_names import caseless
@@ -62,6 +63,16 @@ class SensorDepth:
             raise CaptureError("there is no such folder", where=folder, cure="Give the folder of depth maps.")
         confidence = folder.parent / "confidence"
         return SensorDepth(folder, confidence if confidence.is_dir() else None, unit_m=unit_m)
+
+    def require_maps_of(self, names: Sequence[str]) -> None:
+        """Raises CaptureError where the folder has maps of fewer than two of the photographs of these names."""
+        found = sum(_named(self.folder, stem, _SUFFIXES) is not None for stem in mask_stems(names).values())
+        if found < 2:
+            raise CaptureError(
+                f"it has depth maps of {found} of {len(names)} photographs",
+                where=self.folder,
+                cure=f"Call depth maps as the photographs, such as {Path(names[0]).stem}.png, and give at least two.",
+            )
 
     def of(self, capture: Capture, stem: str) -> np.ndarray | None:
         """The map (h, w) float32 of a capture's upright photograph in metres, 0 = unknown.
