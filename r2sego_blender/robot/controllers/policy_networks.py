@@ -68,7 +68,7 @@ def _onnx_opener(observations: int, layout: str) -> Callable[[bytes], Evaluate]:
         if isinstance(width, int) and width != observations:
             raise PolicyRefusedError(
                 f"the network takes {width} observations, the layout {observations}",
-                f"Correct observation and history of {layout}.",
+                f"Declare the layout that it was trained with: observation and history of {layout} are others.",
             )
         output = session.get_outputs()[0].name
 

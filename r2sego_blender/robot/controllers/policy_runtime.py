@@ -104,7 +104,7 @@ class PolicyFile:
         except PolicyFailedError as error:
             raise self._error(
                 f"the network does not take the layout's {layout.observation_size} observations: {error}",
-                f"Correct observation and history of {layout.where}.",
+                f"Declare the layout that it was trained with: observation and history of {layout.where} are others.",
             ) from error
         if actions.shape != (layout.action_size,):
             raise self._error(

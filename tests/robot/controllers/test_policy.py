@@ -165,7 +165,7 @@ def test_a_recurrent_policy_begins_anew(tmp_path, knees):
 @pytest.mark.parametrize("write", [onnx_policy, torchscript_policy])
 def test_other_sizes_than_the_layout_s_are_refused(tmp_path, knees, write):
     path = tmp_path / ("p.onnx" if write is onnx_policy else "p.pt")
-    with pytest.raises(RobotError, match=r"Correct observation and history of .*knees.toml"):
+    with pytest.raises(RobotError, match=r"trained with: observation and history of .*knees.toml"):
         PolicyFile(trusted(write(path, np.zeros((6, 2)), np.zeros(2))), knees)
     with pytest.raises(RobotError, match=r"the network gives 3 actions, the layout 2. Correct joints or action"):
         PolicyFile(trusted(write(path, np.zeros((5, 3)), np.zeros(3))), knees)
