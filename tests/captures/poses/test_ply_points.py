@@ -7,10 +7,13 @@ import pytest
 import trimesh
 from expected_errors import refused
 from splat_photographs import room_points, write_points
+from splats.splat_reference import random_asset
 
 from r2sego_blender.captures.poses.ply_points import read_ply_points
 from r2sego_blender.core.errors import CaptureError
 from r2sego_blender.core.resources import forget_peak_memory, peak_memory_mb
+from r2sego_blender.splats.formats.registry import save_asset
+from r2sego_blender.splats.harmonics import SH_BAND_0
 
 
 def test_points_of_a_ply_with_and_without_colours(tmp_path):
@@ -26,6 +29,15 @@ def test_points_of_a_ply_with_and_without_colours(tmp_path):
     box.export(tmp_path / "box.ply")
     points, colours = read_ply_points(tmp_path / "box.ply")
     assert len(points) == 8 and (colours == [200, 100, 50]).all()
+
+
+def test_points_of_splats_have_the_colours_of_these(tmp_path):
+    """As 3DGS writes them, without red, green and blue."""
+    asset = random_asset(np.random.default_rng(0), 20, degree=1)
+    save_asset(tmp_path / "asset.ply", asset)
+    points, colours = read_ply_points(tmp_path / "asset.ply")
+    np.testing.assert_array_equal(points, asset.means)
+    np.testing.assert_allclose(colours, 255.0 * (SH_BAND_0 * asset.sh[:, 0] + 0.5).clip(0.0, 1.0), atol=0.51)
 
 
 @pytest.mark.parametrize("content", [b"", b"no ply", b"ply\nformat ascii 1.0\nend_header\n"])
