@@ -55,10 +55,10 @@ _TRIES = 3  # other work on the machine makes a reader slow now and then
 
 
 class Reader:
-    """Reads inputs of any format in a folder of this process's own."""
+    """Reads inputs of any format in a folder of this process's own, in seconds of ``clock``."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, clock: Callable[[], float] = time.perf_counter) -> None:
+        self.folder, self._clock = folder, clock
         self._built: dict[Any, Path] = {}
         self._right_s: dict[str, float] = {}
 
@@ -115,7 +115,7 @@ class Reader:
         pixels = _declared_pixels(place / harness.file) if harness.is_picture else 0
         gc.collect(0)
         before, grandchildren = _reset_peak_mb(), _children_peak_mb()
-        began = time.perf_counter()
+        began = self._clock()
         kind, text = "clean", ""
         with guarding.watched(place) as escapes:
             try:
@@ -129,7 +129,7 @@ class Reader:
                 kind, text = "memory", f"MemoryError {error}"
             except Exception as error:
                 kind, text = "traceback", _last_frame(error)
-        seconds = time.perf_counter() - began
+        seconds = self._clock() - began
         grown = max(_peak_mb() - before, _children_peak_mb() - grandchildren)
         if kind in ("clean", "refused", "message"):
             if escapes:
@@ -139,6 +139,12 @@ class Reader:
             elif seconds > (LONGEST_READING_S if kind == "clean" else SLOW_S) + self._start_s(harness):
                 kind = "slow"
         return {"class": kind, "text": text[:400], "s": round(seconds, 3), "mb": round(grown)}
+
+
+def processor_s() -> float:
+    """What this process and those that it started and that ended have taken of processors, seconds."""
+    used = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(one.ru_utime + one.ru_stime for one in used)
 
 
 def _reset_peak_mb() -> float:

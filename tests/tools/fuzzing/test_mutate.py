@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import time
 from pathlib import Path
 from random import Random
 
@@ -13,7 +14,7 @@ from r2sego_blender.captures.poses.registry import FORMATS as POSES
 from r2sego_blender.captures.poses.registry import find_poses
 from r2sego_blender.core.images import SUFFIXES
 from r2sego_blender.splats.formats.registry import SUFFIXES as SPLAT_SUFFIXES
-from tools.fuzzing.child import RIGHT
+from tools.fuzzing.child import RIGHT, Reader, processor_s
 from tools.fuzzing.children import Child
 from tools.fuzzing.formats import HARNESSES
 from tools.fuzzing.harness import CHANGES
@@ -54,6 +55,15 @@ def test_every_way_to_fail_is_told_of_its_own_input():
     assert [one["number"] for one in outcomes] == list(range(len(FOUND)))
     assert tuple(one["class"] for one in outcomes) == FOUND
     assert outcomes[FOUND.index("memory")]["mb"] > 250 and outcomes[FOUND.index("slow")]["s"] > 1.0
+
+
+def test_by_the_processors_clock_a_reader_that_waits_is_not_slow(tmp_path):
+    """As of a guided search, to which other work leaves little of the machine."""
+    harness = importlib.import_module(MISBEHAVING).HARNESSES[0]
+    for number, (clock, kind) in enumerate([(processor_s, "refused"), (time.perf_counter, "slow")]):
+        reader = Reader(tmp_path / str(number), clock)
+        (reader.place(harness) / harness.file).write_text("slow")
+        assert reader.outcome(harness)["class"] == kind
 
 
 @pytest.mark.parametrize("harness", HARNESSES, ids=lambda harness: harness.name)
