@@ -214,8 +214,8 @@ def _look_over(scale: Scale, folder: Path, solved: bool) -> None:
     """Raise CaptureError where ``scale`` names what is not there: solving poses takes minutes."""
     if scale.kind == "depth" and scale.folder is not None:
         sensor = SensorDepth.beside(scale.folder, scale.unit_m)
-        if solved and (files := image_files(folder)):
-            sensor.require_maps_of([path.name for path in files])
+        if solved and (names := [path.name for path in image_files(folder)]):
+            sensor.require_maps_of(names)
     if scale.kind == "marker" and solved:
         require_marker(image_files(folder), scale)
     if scale.kind == "known_length" and solved:
