@@ -15,7 +15,7 @@ import numpy as np
 
 from ..bundle.figures import BASELINES
 from ..core.formatting import latex_text, markdown_cell
-from ..core.intervals import CONFIDENCE, Interval, student_interval
+from ..core.statistics import CONFIDENCE, Interval, student_interval
 from ..evaluation.arms import ARMS, REFINED, WITHOUT_GENERATED, strongest_baseline
 from ..evaluation.surfaces.figures import RIGHT_DEPTH, SURFACE_TOLERANCE_M
 from .records import MEASURED_KINDS, PICTURE_KINDS

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.errors import EvaluationError
-from ..core.intervals import CONFIDENCE, Interval, student_interval
+from ..core.statistics import CONFIDENCE, Interval, student_interval
 
 _EXACT_UP_TO = 14  # pairs; of more so many sign flips are drawn as these have
 _BOOTSTRAPS = 10_000

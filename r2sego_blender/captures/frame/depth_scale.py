@@ -9,6 +9,7 @@ import numpy as np
 
 from ...bundle.layout import mask_stems
 from ...core.errors import CaptureError
+from ...core.statistics import weighted_median
 from ..capture import Capture
 from ..sensors.sampling import sampled
 from ..sensors.sensor_depth import SensorDepth
@@ -107,10 +108,3 @@ def likely_unit_m(given_m: float, times_too_large: float) -> float | None:
     wanted = given_m / times_too_large
     nearest = min(_UNITS_M, key=lambda unit: abs(np.log(unit / wanted)))
     return nearest if abs(np.log(nearest / wanted)) < _SAME_UNIT and nearest != given_m else None
-
-
-def weighted_median(values: np.ndarray, weights: np.ndarray) -> float:
-    """The weighted median of (n,)."""
-    order = np.argsort(values, kind="stable")
-    total = np.cumsum(weights[order], dtype=np.float64)
-    return float(values[order][np.searchsorted(total, 0.5 * total[-1])])

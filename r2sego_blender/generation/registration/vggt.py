@@ -18,10 +18,10 @@ from pathlib import Path
 import numpy as np
 
 from ...captures.capture import Capture
-from ...captures.frame.depth_scale import weighted_median
 from ...config.settings import RegistrationSettings, Settings
 from ...core.cameras import Camera
 from ...core.digests import file_identity
+from ...core.statistics import weighted_median
 from ...geometry.estimators.learned import Seen
 from ...geometry.estimators.placement import Placement
 from ...geometry.estimators.vggt import Estimator

@@ -1,4 +1,4 @@
-"""Intervals of confidence of means over few independent runs."""
+"""Statistics of few values: intervals of confidence of independent means, medians of what counts unequally."""
 
 from __future__ import annotations
 
@@ -18,3 +18,10 @@ def student_interval(values: Sequence[float] | np.ndarray) -> Interval:
     found = np.asarray(values, np.float64)
     reach = stats.t.ppf(0.5 + CONFIDENCE / 2.0, len(found) - 1) * found.std(ddof=1) / np.sqrt(len(found))
     return float(found.mean() - reach), float(found.mean() + reach)
+
+
+def weighted_median(values: np.ndarray, weights: np.ndarray) -> float:
+    """The weighted median of (n,)."""
+    order = np.argsort(values, kind="stable")
+    total = np.cumsum(weights[order], dtype=np.float64)
+    return float(values[order][np.searchsorted(total, 0.5 * total[-1])])
