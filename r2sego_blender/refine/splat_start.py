@@ -18,7 +18,7 @@ from ..captures.importing import Imported, import_captures
 from ..captures.masks import counted_pixels, with_masks_beside
 from ..captures.poses import json_fields
 from ..captures.poses.formats.cameras_json import FORMAT as CAMERAS_JSON
-from ..captures.poses.photographs import ANY_SIZE_PX, posed_captures
+from ..captures.poses.photographs import ANY_SIZE_PX, posed_captures, require_once_each
 from ..captures.poses.ply_points import read_ply_points
 from ..captures.poses.registry import FORMATS, find_poses, only_one, poses_beside
 from ..captures.poses.transforms_json import read_transforms_json
@@ -76,11 +76,17 @@ def prepare(
         raise SettingsError(
             "the views to score are given twice", where="r2sego train", cure="Give --frozen or --hold-out."
         )
+    if hold_out is not None and hold_out < 2:
+        raise SettingsError(
+            f"{hold_out} leaves no image to train on", where="--hold-out", cure="Give 2 at least; 8 is usual."
+        )
     folder, poses = _folder_and_poses(captures, poses)
+    # What can be wrong in them is told before poses are solved.
+    frozen_views = () if frozen is None else _views_of(frozen)
+    given_points = None if points is None else read_ply_points(points)
     imported = import_captures(folder, poses, settings.captures, progress)
     images, held = _split(with_masks_beside(imported.captures, folder), hold_out)
-    if frozen is not None:
-        held = _views_of(frozen)
+    held = held or frozen_views
     if len(images) < _FEWEST_IMAGES:
         raise CaptureError(
             f"{len(images)} image{'s are' if len(images) != 1 else ' is'} left to train on",
@@ -91,7 +97,7 @@ def prepare(
     limit = ", as captures.max_side_px says" if side_px == limit_px else ""
     progress.message(f"{len(images)} images to train on, up to {side_px} pixels a side{limit}: {imported.source}")
     _tell_masks(images, held, poses, imported.masks, progress)
-    xyz, colours = _first_points(images, poses, points, settings, progress)
+    xyz, colours = given_points or _first_points(images, poses, settings, progress)
     unit_m = _unit_m(imported, images, xyz, progress)
     to_metres = np.diag([unit_m, unit_m, unit_m, 1.0])
     return Start(
@@ -135,10 +141,6 @@ def _split(captures: Sequence[Capture], hold_out: int | None) -> tuple[tuple[Cap
     """Training images and held-out ones: every ``hold_out``-th by name, beginning with the first."""
     if hold_out is None:
         return tuple(captures), ()
-    if hold_out < 2:
-        raise SettingsError(
-            f"{hold_out} leaves no image to train on", where="--hold-out", cure="Give 2 at least; 8 is usual."
-        )
     ordered = sorted(captures, key=lambda capture: capture.name)
     held = tuple(ordered[::hold_out])
     return tuple(capture for k, capture in enumerate(ordered) if k % hold_out), held
@@ -184,15 +186,14 @@ def _views_of(frozen: Path) -> tuple[Capture, ...]:
     if "frames" not in json_fields.read_json(frozen):
         return load_frozen_views(frozen)
     photographs, _ = read_transforms_json(frozen, frozen.parent, held_out=True)
+    require_once_each(photographs)
     return posed_captures(photographs, ANY_SIZE_PX)
 
 
 def _first_points(
-    images: Sequence[Capture], poses: Path | None, points: Path | None, settings: Settings, progress: Progress
+    images: Sequence[Capture], poses: Path | None, settings: Settings, progress: Progress
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Positions (P, 3) float64 in the frame of the poses, and colours (P, 3) uint8."""
-    if points is not None:
-        return read_ply_points(points)
+    """Positions (P, 3) float64 in the frame of the poses, and colours (P, 3) uint8, where none were given."""
     if poses is not None:
         record, place = find_poses(poses)
         found = record.points(place, progress) if record.points else None

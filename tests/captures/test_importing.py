@@ -257,6 +257,17 @@ def test_frozen_views_may_have_their_own_intrinsics(tmp_path, rng, blank_photogr
     assert load_frozen_views(tmp_path / "cameras.json")[0].camera.fx == 20.0
 
 
+@pytest.mark.parametrize("again", ["f.png", "./f.png"])
+def test_a_frozen_view_that_is_listed_twice_is_refused(tmp_path, rng, blank_photograph, again):
+    """It would count twice in every mean, and a second pose would be scored by the first one's pictures."""
+    blank_photograph(tmp_path / "f.png", 64, 48)
+    first, second = _poses(rng, 2)
+    listed = [{"file": file, "world_from_camera": pose.tolist()} for file, pose in (("f.png", first), (again, second))]
+    (tmp_path / "cameras.json").write_text(json.dumps({"fx": 50.0, "frozen": listed}))
+    with refused(CaptureError, "cameras.json, frozen[0]", "2 times"):
+        load_frozen_views(tmp_path / "cameras.json")
+
+
 @pytest.mark.parametrize("orientation", [6, 8])
 def test_poses_of_stored_pixels_are_turned_with_exif_orientation(tmp_path, rng, orientation):
     """COLMAP solves on the stored pixels; the photograph is used upright."""

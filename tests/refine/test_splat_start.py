@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 from cameras_file import save_cameras_json
+from expected_errors import refused
 from progress_recorder import ProgressRecorder
 from splat_photographs import ROOM, SETTINGS, captures_in, room_points, sparse_points, write_points, write_transforms
 
@@ -15,7 +16,7 @@ from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.poses.colmap_model import save_colmap_model
 from r2sego_blender.captures.poses.colmap_points import read_colmap_points
 from r2sego_blender.config.presets import with_overrides
-from r2sego_blender.core.errors import CaptureError, SettingsError
+from r2sego_blender.core.errors import CaptureError, R2SEgoError, SettingsError
 from r2sego_blender.core.images import save_image
 from r2sego_blender.evaluation.splat_training import train_on_photographs
 from r2sego_blender.refine import splat_start
@@ -220,6 +221,32 @@ def test_points_of_another_place_are_refused(photographs):
 def test_options_that_do_not_fit_are_refused(photographs, options, words):
     with pytest.raises(SettingsError, match=words):
         train_on_photographs(photographs, photographs / "a.ply", settings=SETTINGS, **options)
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"hold_out": 1}, "--hold-out"),
+        ({"frozen": Path("gone.json")}, "gone.json"),
+        ({"points": Path("gone.ply")}, "gone.ply"),
+    ],
+)
+def test_options_that_cannot_be_are_told_before_poses_are_solved(photographs, monkeypatch, options, told):
+    def solving(*_):
+        raise AssertionError("photographs were looked at first")
+
+    monkeypatch.setattr(splat_start, "import_captures", solving)
+    with refused(R2SEgoError, told):
+        train_on_photographs(photographs, photographs / "a.ply", settings=SETTINGS, **options)
+
+
+def test_a_held_out_view_that_is_listed_twice_is_refused(photographs):
+    captures = captures_in(photographs)
+    write_transforms(photographs / "transforms_test.json", [*captures[:2], captures[0]])
+    with pytest.raises(CaptureError, match="2 times"):
+        train_on_photographs(
+            photographs, photographs / "a.ply", frozen=photographs / "transforms_test.json", settings=SETTINGS
+        )
 
 
 def test_too_few_images_to_train_on_are_said(tmp_path):

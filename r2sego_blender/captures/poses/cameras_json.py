@@ -11,7 +11,7 @@ from ..lenses.distortion import COEFFICIENTS
 from ..lenses.lens import Lens
 from . import json_fields as fields
 from .finding import find_photograph, with_own_file_names
-from .photographs import Photograph, require_lens_of_size, upright_size, with_unique_names
+from .photographs import Photograph, require_lens_of_size, require_once_each, upright_size, with_unique_names
 
 
 def read_cameras_json(path: Path, folder: Path, files_needed: bool = True) -> tuple[list[Photograph], bool]:
@@ -30,7 +30,8 @@ def read_cameras_json(path: Path, folder: Path, files_needed: bool = True) -> tu
 def read_frozen(path: Path, folder: Path, files_needed: bool = True) -> list[Photograph]:
     """The photographs of the ``frozen`` list, with ``frozen_intrinsics`` where that is given.
 
-    ``files_needed`` as in ``read_cameras_json``.
+    ``files_needed`` as in ``read_cameras_json``. Raises CaptureError for one that is listed twice: it would count so in
+    every mean.
     """
     data = fields.read_json(path)
     if "frozen" not in data:
@@ -40,7 +41,9 @@ def read_frozen(path: Path, folder: Path, files_needed: bool = True) -> list[Pho
     lenses = data.get("frozen_intrinsics", {})
     if not isinstance(lenses, dict):
         raise CaptureError("'frozen_intrinsics' is no object", where=path, cure="See docs/formats.md.")
-    return _photographs(data, "frozen", (lenses, data), path, folder, files_needed)
+    photographs = _photographs(data, "frozen", (lenses, data), path, folder, files_needed)
+    require_once_each(photographs)
+    return photographs
 
 
 def _photographs(

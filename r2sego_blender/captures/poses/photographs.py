@@ -162,6 +162,16 @@ def captures_of(photographs: Sequence[Photograph], max_side_px: int) -> tuple[Ca
     """
     if len(photographs) < MIN_CAPTURES:
         raise too_few(len(photographs), photographs[0].source if photographs else "captures")
+    require_once_each(photographs)
+    try:
+        return posed_captures(photographs, max_side_px)
+    except CaptureError:
+        require_readable([photograph.path for photograph in photographs])  # else the error is another
+        raise
+
+
+def require_once_each(photographs: Sequence[Photograph]) -> None:
+    """Raises CaptureError for a photograph that is listed more than once, by its name or by its file."""
     for spell in (lambda photograph: photograph.name, _place):
         for spelling, count in Counter(map(spell, photographs)).items():
             if count > 1:
@@ -170,11 +180,6 @@ def captures_of(photographs: Sequence[Photograph], max_side_px: int) -> tuple[Ca
                     where=photographs[0].source,
                     cure="Keep one entry for each photograph.",
                 )
-    try:
-        return posed_captures(photographs, max_side_px)
-    except CaptureError:
-        require_readable([photograph.path for photograph in photographs])  # else the error is another
-        raise
 
 
 def posed_captures(photographs: Sequence[Photograph], max_side_px: int) -> tuple[Capture, ...]:
