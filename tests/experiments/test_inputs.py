@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import shutil
 
@@ -13,8 +14,12 @@ from fake_experiment import PLAN, pictures
 
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.store import save_captures
+from r2sego_blender.config.fields import fields_of
+from r2sego_blender.config.training_settings import TrainingSettings
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import ExperimentError
+from r2sego_blender.evaluation import arms
+from r2sego_blender.evaluation.arms import baseline_settings
 from r2sego_blender.experiments.cells import cells_of
 from r2sego_blender.experiments.inputs import INPUTS, fixed_inputs
 from r2sego_blender.experiments.plan import Plan
@@ -162,6 +167,31 @@ def test_a_cells_key_changes_with_all_that_it_is_made_of_and_with_nothing_else(p
         assert not set(before.values()) & set(keys_of(changed).values())
     pictures(tmp_path / "held_out", 1, 30)
     assert not set(before.values()) & set(keys_of(text).values())
+
+
+OWN_SETTINGS = {"vanilla_3dgs": "VANILLA_3DGS", "gaussgym": "SPARSE_STABLE_SH3", "same_points": "UNBOUNDED"}
+"""What each method of others that is trained here has in place of the scene's settings, by its arm."""
+
+
+@pytest.mark.parametrize("arm", OWN_SETTINGS)
+def test_a_cells_key_has_every_setting_that_a_baseline_is_trained_with(plan, tmp_path, monkeypatch, arm):
+    """Else a cell whose baseline would be trained otherwise now would keep its record."""
+    assert {*baseline_settings(TrainingSettings())} == {*OWN_SETTINGS}
+    inputs = fixed_inputs(plan, tmp_path / "out", write=False)
+
+    def key(compared):
+        return cells_of(dataclasses.replace(plan, arms=compared), inputs, tmp_path / "out")[0].key
+
+    others = (*(name for name in OWN_SETTINGS if name != arm), "without_generated_views", "refined")
+    without, found = key(others), {key((arm, "refined"))}
+    fields = [field for field in fields_of(TrainingSettings).values() if field.changes_result]
+    for field in fields:
+        own = getattr(arms, OWN_SETTINGS[arm])
+        with monkeypatch.context() as changed:
+            changed.setattr(arms, OWN_SETTINGS[arm], {**own, field.key: f"not {own.get(field.key, field.default)}"})
+            found.add(key((arm, "refined")))
+            assert key(others) == without, f"{field.key} of {arm} is of no other arm"
+    assert len(found) == 1 + len(fields)
 
 
 FILES = {"robot": "my.xml", "scope": "my.toml", "true_room": "room.npz", "masks": "mask.png", "points": "points.ply"}
