@@ -12,7 +12,7 @@ import numpy as np
 
 from ..config.declared_files import Reader
 from ..config.fields import setting
-from ..config.presets import by_dotted_keys, present_keys, preset, with_overrides
+from ..config.presets import by_dotted_keys, of_captures, present_keys, preset, with_overrides
 from ..config.settings import Settings
 from ..core.atomic_files import write_whole
 from ..core.cameras import is_similarity
@@ -60,10 +60,11 @@ class Declaration:
         return with_overrides(self.overrides, preset(self.preset))
 
     def with_settings(self, preset: str | None, changes: Mapping[str, Any]) -> Declaration:
-        """With ``changes`` among its overrides; another ``preset`` than before begins without any."""
+        """With ``changes`` among its overrides; another ``preset`` than before begins without any but those that the
+        captures were made with."""
         if preset in (None, self.preset):
             return dataclasses.replace(self, overrides={**self.overrides, **changes})
-        return dataclasses.replace(self, preset=preset, overrides=dict(changes))
+        return dataclasses.replace(self, preset=preset, overrides={**of_captures(self.overrides), **changes})
 
 
 @dataclass(frozen=True)

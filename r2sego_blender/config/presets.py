@@ -132,6 +132,11 @@ def by_dotted_keys(overrides: Mapping[str, Any], prefix: str = "") -> dict[str, 
     return found
 
 
+def of_captures(overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """Those settings that an import is made with."""
+    return {key: value for key, value in overrides.items() if key.startswith("captures.")}
+
+
 def with_overrides(overrides: Mapping[str, Any], base: Settings = Settings()) -> Settings:
     """``base`` with dotted keys replaced; values may be strings from a command line.
 

@@ -21,7 +21,7 @@ from ..captures.poses.plain_folder import plain_photographs
 from ..captures.poses.registry import find_export, find_poses
 from ..captures.sensors.sensor_depth import SensorDepth
 from ..captures.store import CAPTURES
-from ..config.presets import with_overrides
+from ..config.presets import of_captures, with_overrides
 from ..core.atomic_files import write_whole
 from ..core.digests import content_digest
 from ..core.errors import ExperimentError, RobotError
@@ -29,7 +29,7 @@ from ..core.images import image_files
 from ..core.json_files import read_json
 from ..core.progress import SILENT
 from ..evaluation.ground_truth import TRUE_MESH
-from .plan import Plan, PlannedScene, of_captures
+from .plan import Plan, PlannedScene
 
 INPUTS = "inputs.json"
 """The file in an experiment's folder."""

@@ -13,7 +13,7 @@ from ..bundle.figures import BASELINES
 from ..bundle.layout import DECLARATION
 from ..config.declared_files import Reader, did_you_mean, is_number
 from ..config.fields import setting
-from ..config.presets import PRESETS, by_dotted_keys, preset, with_overrides
+from ..config.presets import PRESETS, by_dotted_keys, of_captures, preset, with_overrides
 from ..config.settings import Settings
 from ..core.errors import ExperimentError, SettingsError
 from ..core.file_names import caseless, plain_name
@@ -208,11 +208,6 @@ def _checked(plan: Plan, reader: Reader) -> None:
         _refuse_settings(dict(one.overrides), f"presets[{index}].overrides", False, reader)
     if len(plan.scenes) * len(plan.seeds) * len(plan.presets) * max(1, len(plan.counts)) > MOST_CELLS:
         wrong("scenes", "make too many cells", f"Plan at most {MOST_CELLS}.")
-
-
-def of_captures(overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """Those settings that an import is made with."""
-    return {key: value for key, value in overrides.items() if key.startswith("captures.")}
 
 
 def _refuse_settings(overrides: Mapping[str, Any], place: str, import_alone: bool, reader: Reader) -> None:

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from ..bundle.layout import COLLISION, GROUND_PICTURES, REFINED_ASSET
 from ..bundle.scene import Scene
+from ..config.presets import of_captures
 from ..core.atomic_files import UNFINISHED, linked, remove, rename
 from ..core.errors import ExperimentError, R2SEgoError
 from ..core.file_locks import wait_for_lock
@@ -26,7 +27,6 @@ from ..workers.processes import DYING_WITH_PARENT
 from .cells import Cell
 from .equipment import equipment
 from .inputs import frozen_digest
-from .plan import of_captures
 from .records import Record, Stage, final_record, made_by, read_record
 
 LOG = "log.txt"

@@ -20,7 +20,7 @@ def settings_page() -> str:
         "",
         "Made by `python -m tools.pages.settings` from `r2sego_blender/config/`; do not edit.",
         "Give any of them as `r2sego refine SCENE --set key=value`: the scene keeps it, until another",
-        "preset is asked for. Those of captures are for `r2sego new`, where photographs become captures.",
+        "preset is asked for. Those of captures are for `r2sego new`, where photographs become captures, and stay.",
         "The defaults are the paper's (its H) or, where the paper is silent, what measured best. The last",
         "column is the `preview` preset. Where one is changed, the next run makes again what depends on it,",
         f"but for {_only_how()}, which change no result.",
