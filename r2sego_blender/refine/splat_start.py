@@ -18,7 +18,7 @@ from ..captures.importing import Imported, import_captures
 from ..captures.masks import counted_pixels, with_masks_beside
 from ..captures.poses import json_fields
 from ..captures.poses.formats.cameras_json import FORMAT as CAMERAS_JSON
-from ..captures.poses.photographs import ANY_SIZE_PX, posed_captures, require_once_each
+from ..captures.poses.photographs import ANY_SIZE_PX, listed, posed_captures, require_once_each
 from ..captures.poses.ply_points import read_ply_points
 from ..captures.poses.registry import FORMATS, find_poses, only_one, poses_beside
 from ..captures.poses.transforms_json import read_transforms_json
@@ -81,12 +81,21 @@ def prepare(
             f"{hold_out} leaves no image to train on", where="--hold-out", cure="Give 2 at least; 8 is usual."
         )
     folder, poses = _folder_and_poses(captures, poses)
+    if frozen is not None and poses is None:
+        raise SettingsError(
+            f"{folder} has no poses, and the frame in which they are solved is not that of the views to score",
+            where="--frozen",
+            cure="Give --poses in their frame, or --hold-out.",
+        )
     # What can be wrong in them is told before poses are solved.
     frozen_views = () if frozen is None else _views_of(frozen)
     given_points = None if points is None else read_ply_points(points)
     imported = import_captures(folder, poses, settings.captures, progress)
     images, held = _split(with_masks_beside(imported.captures, folder), hold_out)
     held = held or frozen_views
+    trained_on = {capture.image_path.resolve() for capture in images}
+    if seen := [view.image_path for view in frozen_views if view.image_path.resolve() in trained_on]:
+        progress.message(f"{listed(seen)}: trained on, too; scores of what was trained on say little", "warning")
     if len(images) < _FEWEST_IMAGES:
         raise CaptureError(
             f"{len(images)} image{'s are' if len(images) != 1 else ' is'} left to train on",

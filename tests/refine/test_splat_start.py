@@ -240,6 +240,25 @@ def test_options_that_cannot_be_are_told_before_poses_are_solved(photographs, mo
         train_on_photographs(photographs, photographs / "a.ply", settings=SETTINGS, **options)
 
 
+def test_views_of_another_frame_than_solved_poses_are_refused(tmp_path):
+    captures = captures_in(tmp_path / "photographs")
+    save_cameras_json(tmp_path / "held_out.json", captures[:3], frozen=captures[3:])
+    with refused(SettingsError, "--frozen", "no poses", cure="--hold-out"):
+        splat_start.prepare(
+            tmp_path / "photographs", None, None, tmp_path / "held_out.json", None, SETTINGS, ProgressRecorder()
+        )
+
+
+def test_views_that_are_trained_on_are_told(photographs):
+    captures = captures_in(photographs)
+    save_cameras_json(photographs / "held_out.json", captures[:3], frozen=captures[3:4])
+    progress = ProgressRecorder()
+    points = photographs / "points.ply"
+    splat_start.prepare(photographs, None, points, photographs / "held_out.json", None, SETTINGS, progress)
+    (told,) = progress.warnings
+    assert told.startswith(captures[3].name)
+
+
 def test_a_held_out_view_that_is_listed_twice_is_refused(photographs):
     captures = captures_in(photographs)
     write_transforms(photographs / "transforms_test.json", [*captures[:2], captures[0]])
