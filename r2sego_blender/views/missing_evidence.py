@@ -42,7 +42,7 @@ def photographs_to_take(
     sight = face_sight(proxy.vertices, proxy.faces, captures)
     shown_well = (proxy.support > 0) & (sight.cosine >= STEEP)
     points, normals, weights, missing = _lacking(candidates, deficit, rasterizer, proxy, shown_well)
-    if not len(points) or not captures:
+    if not weights.any() or not captures:  # nothing is out of sight, or the asset shows all of it already
         return 0.0, ()
     cameras, sees = [], []
     for camera in _tried(candidates, captures):

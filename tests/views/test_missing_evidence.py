@@ -54,6 +54,12 @@ def test_what_the_asset_shows_already_is_not_asked_for():
     assert photographs[0].camera.forward[1] < -0.5
 
 
+def test_where_the_asset_lacks_nothing_nothing_is_asked_for():
+    proxy, captures = room()
+    views = candidates((-1.0, 0.0))
+    assert photographs_to_take(views, np.zeros(len(views)), proxy, captures) == (0.0, ())
+
+
 def test_without_candidates_nothing_is_asked_for():
     proxy, captures = room()
     assert photographs_to_take([], np.zeros(0), proxy, captures) == (0.0, ())
