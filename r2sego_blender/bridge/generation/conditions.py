@@ -207,7 +207,7 @@ def _declare_passes(scene: bpy.types.Scene) -> None:
 
 
 def _scene_of(engine: str) -> bpy.types.Scene:
-    """A scene with one exact sample: no antialiasing, denoising, light, blur or colour transform."""
+    """A scene with one exact sample: no antialiasing, denoising, light or blur. EXRs know no view transform."""
     scene = bpy.data.scenes.new(_NAME)
     try:
         scene.render.engine = versions.RENDER_ENGINES[engine]
@@ -219,7 +219,6 @@ def _scene_of(engine: str) -> bpy.types.Scene:
     scene.render.use_persistent_data = True
     scene.render.use_motion_blur = False
     scene.render.use_compositing = scene.render.use_sequencer = False
-    scene.view_settings.view_transform = "Raw"
     if engine == "cycles":
         # The first sample of Cycles goes through the pixel's centre whatever the filter.
         scene.cycles.device = "CPU"

@@ -29,7 +29,7 @@ def read_levels(path: Path) -> np.ndarray:
     except RuntimeError as error:
         raise SceneError("this picture cannot be read", where=path, cure=_CURE) from error
     try:
-        image.colorspace_settings.name = "Non-Color"  # values as they are stored, 16 bits too
+        image.colorspace_settings.is_data = True  # values as they are stored, 16 bits too
         width, height = image.size
         if not width * height:
             raise SceneError("this picture is empty or damaged", where=path, cure=_CURE)

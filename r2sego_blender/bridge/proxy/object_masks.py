@@ -45,7 +45,7 @@ def mask_image(bundle_path: str | Path, name: str, view: RegisteredView) -> bpy.
         return image
     width, height = view.camera.width, view.camera.height
     image = bpy.data.images.new(f"{name} in {view.name}", width, height, alpha=False)
-    image.colorspace_settings.name = "Non-Color"
+    image.colorspace_settings.is_data = True
     image[BUNDLE_MARK], image[_OBJECT], image[_CAPTURE] = str(bundle_path), name, view.name
     image.use_fake_user = True  # nothing in Blender uses it: it would not be saved
     write_mask(image, np.zeros((height, width), bool))
@@ -210,7 +210,7 @@ def _stems(bundle: Bundle) -> dict[str, str]:
 def _mask_of_file(file: Path) -> np.ndarray:
     image = bpy.data.images.load(str(file), check_existing=False)
     try:
-        image.colorspace_settings.name = "Non-Color"
+        image.colorspace_settings.is_data = True
         if not image.size[0]:
             raise GeometryError("the mask cannot be read", where=file, cure="Declare the masks again.")
         return read_mask(image)
