@@ -1,5 +1,7 @@
 """The sub-panel Geometry Proxy: its colours, the objects with their masks and priors, its edits."""
 
+from pathlib import PurePath
+
 import bpy
 
 from ..r2sego_blender.core.formatting import counted
@@ -100,6 +102,12 @@ class R2SEGO_PT_proxy_priors(_Part, bpy.types.Panel):
     def draw(self, context):
         group, layout = context.scene.r2sego_proxy, self.layout
         layout.operator("r2sego.show_priors", icon="MESH_MONKEY")
+        row = layout.row(align=True)
+        row.operator(
+            "r2sego.choose_mesh_library", text=PurePath(group.library).name or "Mesh Library", icon="FILE_FOLDER"
+        )
+        if group.library:
+            row.operator("r2sego.choose_mesh_library", text="", icon="X").withdraw = True
         objects, index = group.objects, group.object_index
         if not 0 <= index < len(objects):
             return

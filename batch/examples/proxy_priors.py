@@ -2,6 +2,7 @@
 
 blender --background --python batch/examples/proxy_priors.py -- SCENE --move crate=0.05,0,0 [--start]
 python batch/examples/proxy_priors.py -- SCENE --mesh lamp=lamp.obj --decide lamp=accept  (pip bpy)
+python batch/examples/proxy_priors.py -- SCENE --library meshes/    (--no-library withdraws it)
 
 Moves are metres in the world. What is said here counts from the next refine on.
 """
@@ -37,6 +38,9 @@ def main(arguments: list[str]) -> int:
     parser.add_argument(
         "--decide", type=assignment, action="append", default=[], metavar="OBJECT=accept|reject|reconsider|lock|unlock"
     )
+    library = parser.add_mutually_exclusive_group()
+    library.add_argument("--library", type=Path, metavar="FOLDER", help="of meshes that shapes are looked for in")
+    library.add_argument("--no-library", action="store_true", help="look in no folder any more")
     options = parser.parse_args(arguments)
     with enabled_addon():
         r2sego = bpy.ops.r2sego
@@ -47,6 +51,9 @@ def main(arguments: list[str]) -> int:
         for name, file in options.mesh:
             bpy.ops.wm.obj_import(filepath=str(Path(file).absolute()), forward_axis="Y", up_axis="Z")
             r2sego.use_mesh_as_prior(object_name=name, place=options.place.upper())
+        if options.library or options.no_library:
+            folder = str(options.library.absolute()) if options.library else ""
+            r2sego.choose_mesh_library(directory=folder, withdraw=options.no_library)
         for name, decision in options.decide:
             r2sego.decide_prior(object_name=name, decision=decision)
         for one in bpy.context.scene.r2sego_proxy.objects:

@@ -28,12 +28,14 @@ class ListedEdit:
 @dataclass(frozen=True)
 class ProxyFacts:
     """``declared`` objects, ``edits``, when each round's proxy was ``written``, whether the coverage of the
-    round that is shown was measured, and what Refine would redo, '' until it is asked."""
+    round that is shown was measured, the folder of the mesh ``library``, '' without one, and what Refine would
+    redo, '' until it is asked."""
 
     declared: Facts = Facts()
     edits: Facts = Facts()
     written: tuple[str, ...] = ()
     has_coverage: bool = False
+    library: str = ""
     plan: str = ""
 
 
@@ -48,6 +50,7 @@ def read(scene: bpy.types.Scene, bundle: Bundle) -> ProxyFacts:
         Facts(edits),
         tuple(when_written(bundle.proxy_file(index)) for index in range(bundle.rounds())),
         read_coverage(bundle, scene.r2sego.round_index) is not None,
+        bundle.scene.declaration.mesh_library,
     )
 
 

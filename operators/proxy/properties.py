@@ -59,7 +59,7 @@ class R2SEGO_PG_proxy(bpy.types.PropertyGroup):
         items=[(name, kind.name, kind.description) for name, kind in COLOURINGS.items()],
     )
     has_coverage, edits, plan = Fact(ProxyFacts), Fact(ProxyFacts), Fact(ProxyFacts)
-    declared = Fact(ProxyFacts)
+    declared, library = Fact(ProxyFacts), Fact(ProxyFacts)
     drawn: CollectionProperty(type=R2SEGO_PG_drawn_object)
     removed: CollectionProperty(type=R2SEGO_PG_removed_object)
     chosen_object: StringProperty()

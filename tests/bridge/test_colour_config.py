@@ -55,7 +55,7 @@ print(json.dumps({"levels": read_levels(folder / "levels.png")[..., 0].tolist(),
 
 
 def test_conditions_masks_and_pictures_need_no_name_of_blenders_own(tmp_path):
-    OpenEXR = pytest.importorskip("OpenEXR", reason="OpenEXR is not installed")
+    exr = pytest.importorskip("OpenEXR", reason="OpenEXR is not installed")
     (tmp_path / "config.ocio").write_text(CONFIG)
     Image.fromarray(LEVELS).save(tmp_path / "levels.png")
     environment = os.environ | {"OCIO": str(tmp_path / "config.ocio")}
@@ -65,6 +65,6 @@ def test_conditions_masks_and_pictures_need_no_name_of_blenders_own(tmp_path):
     told = json.loads(ended.stdout.splitlines()[-1])
     np.testing.assert_allclose(told["levels"], LEVELS / 255.0, atol=1e-6)
     assert told["mask"] == [[True, False], [False, True]]
-    with OpenEXR.File(str(tmp_path / "conditions" / "000.exr"), separate_channels=True) as image:
+    with exr.File(str(tmp_path / "conditions" / "000.exr"), separate_channels=True) as image:
         depth = image.channels()["ViewLayer.Depth.Z"].pixels
     np.testing.assert_allclose(depth, 2.0, atol=0.01)

@@ -39,6 +39,7 @@ OPERATORS = {
     "save_placement",
     "use_mesh_as_prior",
     "decide_prior",
+    "choose_mesh_library",
     "plan_refine",
 }
 

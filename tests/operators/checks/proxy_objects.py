@@ -317,6 +317,23 @@ def check_undo_takes_the_fit_and_the_outlines_back():
     assert len(live.mask_outline(str(BUNDLE), "crate", "capture_0")) not in (len(outline), len(drawn))
 
 
+def check_a_mesh_library_is_chosen_and_withdrawn():
+    copy, library = copied_bundle(), OUT.parent / "mesh library"
+    assert group().library == ""
+    conduct("succeed")
+    assert "no folder of meshes is chosen" in refused(bpy.ops.r2sego.choose_mesh_library).lower()
+    assert bpy.ops.r2sego.choose_mesh_library(directory=str(library)) == {"FINISHED"}
+    assert calls() == [["objects", str(copy), "--json", "--library", str(library)]]
+    declared = copy / "scene.toml"
+    text = declared.read_text(encoding="utf-8").replace('mesh_library = ""', 'mesh_library = "/meshes/of a house"')
+    declared.write_text(text, encoding="utf-8")
+    bpy.ops.r2sego.refresh_scene()
+    assert group().library == "/meshes/of a house"
+    conduct("succeed")
+    assert bpy.ops.r2sego.choose_mesh_library(withdraw=True) == {"FINISHED"}
+    assert calls() == [["objects", str(copy), "--json", "--no-library"]]
+
+
 def check_a_prior_scaled_to_nothing_has_no_residual():
     """As for a moment while a person types 0.9."""
     live = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.proxy.placement_live")
