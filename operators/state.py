@@ -21,7 +21,7 @@ from bpy.props import (
 )
 
 from ..r2sego_blender.bridge.scene.settings_properties import settings_group, show_settings
-from ..r2sego_blender.bridge.shared import panel_facts
+from ..r2sego_blender.bridge.shared import panel_facts, versions
 from ..r2sego_blender.bridge.shared.moved_bundle import found_again, turn_to, way_from, whole_path
 from ..r2sego_blender.bridge.shared.panel_facts import Fact
 from ..r2sego_blender.bridge.shared.views_3d import redraw_views
@@ -297,6 +297,13 @@ def _undone(*_: object) -> None:
 
 
 @bpy.app.handlers.persistent
+def _imported(*_: object) -> None:
+    """A Blender scene that is appended or linked knows its bundle, of which nothing is read yet."""
+    for scene in bpy.data.scenes:
+        catch_up(scene)
+
+
+@bpy.app.handlers.persistent
 def _another_file(*_: object) -> None:
     """The scenes whose facts are kept go."""
     panel_facts.forget_all()
@@ -380,6 +387,7 @@ _HANDLERS = (
     (bpy.app.handlers.save_pre, _note_way),
     (bpy.app.handlers.load_pre, _another_file),
     (bpy.app.handlers.load_post, _read_again),
+    (versions.AFTER_IMPORT, _imported),
     (bpy.app.handlers.undo_post, _undone),
     (bpy.app.handlers.redo_post, _undone),
 )

@@ -15,6 +15,9 @@ VERSION = ".".join(map(str, bpy.app.version))
 RENDER_ENGINES = {"cycles": "CYCLES", "eevee": "BLENDER_EEVEE" if _FROM_5_0 else "BLENDER_EEVEE_NEXT"}
 """Blender's names of the engines."""
 
+AFTER_IMPORT: list = getattr(bpy.app.handlers, "blend_import_post", [])
+"""Handlers that are called when something was appended or linked; of no use where Blender has none."""
+
 
 def render_filepath(file: Path) -> str:
     """``file`` as a render's path, in whose folders Blender 4.5 takes {…} for a variable."""

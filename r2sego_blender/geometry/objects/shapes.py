@@ -20,6 +20,7 @@ from ..mesh.meshes import compacted, merged, normals_and_areas
 from .surface_distance import SurfaceGrid
 
 _MOST_LIBRARY_FILES, _MOST_LIBRARY_BYTES = 10_000, 20 << 30
+_NO_LIBRARY = "Give the folder of the meshes, or withdraw it: `r2sego objects --no-library`, in Blender the × beside it."
 
 _DETAILS = (1 / 20, 1 / 45, 1 / 400)  # of the diagonal: vertices nearer than this are drawn as one
 _SAME_DIRECTION = np.cos(np.radians(12.0))
@@ -92,7 +93,7 @@ def require_library(folder: Path) -> None:
 def mesh_files(folder: Path) -> list[Path]:
     """The mesh files of a library, in the order of their names. Raises GeometryError for none."""
     if not folder.is_dir():
-        raise GeometryError("there is no such folder", where=folder, cure="Give the folder of the meshes.")
+        raise GeometryError("there is no such folder", where=folder, cure=_NO_LIBRARY)
     files = [path for path in folder.iterdir() if path.suffix.lower() in MESH_SUFFIXES]
     if not files:
         raise GeometryError(

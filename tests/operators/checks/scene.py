@@ -199,6 +199,19 @@ def check_saving_and_loading_keeps_the_bundle():
     assert len([o for o in bpy.data.objects if o.type == "CAMERA"]) == 3
 
 
+def check_a_scene_that_comes_of_another_blend_is_read():
+    """Appended, and linked."""
+    open_bundle()
+    rounds, lines = state().rounds_begun, len(state().facts)
+    blend = OUT.parent / "shots.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+    for take in (bpy.ops.wm.append, bpy.ops.wm.link):
+        bpy.ops.wm.read_homefile(use_empty=True)
+        take(directory=f"{blend}/Scene/", filename="Scene")
+        (came,) = (one for one in bpy.data.scenes if one.r2sego.bundle)
+        assert came.r2sego.rounds_begun == rounds > 0 and len(came.r2sego.facts) == lines, take
+
+
 def check_undo_brings_choices_back_and_never_facts_of_before():
     """What panels show is no property: it is read again where undo chose another bundle or round."""
     copied_bundle()
