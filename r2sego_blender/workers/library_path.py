@@ -25,14 +25,28 @@ spec.loader.exec_module(sys.modules[spec.name])
 They also leave the working folder unsearched.
 """
 
+_SAFE_PATH, _OURS = "PYTHONSAFEPATH", "r2sego"  # Python asks no more than that it holds something
+
+
+def leave_working_folder_unsearched() -> None:
+    """No Python that this process starts finds modules in the folder that the person stands in.
+
+    That may be a stranger's, and packages start Pythons of their own: as MuJoCo is imported, GLFW's asks one for
+    the library's version.
+    """
+    if not os.environ.get(_SAFE_PATH):
+        os.environ[_SAFE_PATH] = _OURS
+
 
 def external_variables() -> dict[str, str]:
     """This process's variables for a program of another environment, without what
-    ``engine.engine_environment`` adds: the folder of this library in ``PYTHONPATH``, and
-    ``PYTHONSAFEPATH``, under which a program finds no modules beside itself."""
+    ``leave_working_folder_unsearched`` and ``engine.engine_environment`` add: the folder of this library in
+    ``PYTHONPATH``, and ``PYTHONSAFEPATH``, under which a program finds no modules beside itself."""
     environment = dict(os.environ)
+    if environment.get(_SAFE_PATH) == _OURS:
+        del environment[_SAFE_PATH]
     places = [place for place in environment.pop("PYTHONPATH", "").split(os.pathsep) if place]
     kept = [place for place in places if Path(place).resolve() != LIBRARY.parent]
     if kept != places:
-        environment.pop("PYTHONSAFEPATH", None)
+        environment.pop(_SAFE_PATH, None)
     return environment | ({"PYTHONPATH": os.pathsep.join(kept)} if kept else {})

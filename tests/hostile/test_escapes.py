@@ -10,6 +10,7 @@ import json
 import os
 import re
 import shutil
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -24,6 +25,7 @@ from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.commands.cli import main
 from r2sego_blender.core.errors import R2SEgoError
 from r2sego_blender.results.panels.bundle import Bundle
+from r2sego_blender.workers.library_path import LIBRARY
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="links and pipes of other systems")
 
@@ -268,3 +270,16 @@ def test_a_journal_that_another_shares_by_a_hard_link_is_written_for_itself(bund
     Scene.open(bundle).note(step="theirs", inputs="", output="")
     assert (victim / "diary.jsonl").read_text() == '{"step": "mine"}\n'
     assert [record["step"] for record in Scene.open(bundle).journal()] == ["mine", "theirs"]
+
+
+def test_no_module_of_the_folder_that_one_stands_in_is_run(bundle, tmp_path):
+    """Packages start Pythons of their own, as GLFW's does where MuJoCo is imported."""
+    theirs = bundle.parent
+    for name in ("ctypes", "multiprocessing", "json", "textwrap", "numpy"):
+        (theirs / f"{name}.py").write_text(f"from pathlib import Path\nPath({str(theirs)!r}, 'ran').write_text('')\n")
+    (tmp_path / "r2sego").write_text("from r2sego_blender.__main__ import main\nmain()\n")  # as pip writes it
+    variables = os.environ | {"PYTHONPATH": str(LIBRARY.parent), "PYTHONSAFEPATH": ""}
+    command = [sys.executable, str(tmp_path / "r2sego"), "status", "room.r2s"]
+    done = subprocess.run(command, cwd=theirs, env=variables, capture_output=True)
+    assert done.returncode == 0, done.stderr
+    assert not (theirs / "ran").exists()

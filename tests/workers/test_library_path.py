@@ -84,3 +84,13 @@ def test_external_programs_keep_what_the_person_put_on_the_path(monkeypatch, tmp
     assert (environment["PYTHONPATH"], environment["R2SEGO_TEST"]) == (str(tmp_path), "kept")
     monkeypatch.setenv("PYTHONPATH", str(library_path.LIBRARY.parent))
     assert "PYTHONPATH" not in library_path.external_variables()
+
+
+def test_external_programs_find_modules_beside_themselves(monkeypatch):
+    monkeypatch.setenv("PYTHONSAFEPATH", "")
+    library_path.leave_working_folder_unsearched()
+    assert os.environ["PYTHONSAFEPATH"]
+    assert "PYTHONSAFEPATH" not in library_path.external_variables()
+    monkeypatch.setenv("PYTHONSAFEPATH", "1")  # the person's own word
+    library_path.leave_working_folder_unsearched()
+    assert library_path.external_variables()["PYTHONSAFEPATH"] == "1"

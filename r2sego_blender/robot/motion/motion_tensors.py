@@ -69,7 +69,8 @@ def _read(archive: zipfile.ZipFile) -> Any:
 class _Unpickler(pickle._Unpickler):  # Python's own: the other's memory is as large as a number in the file
     """Knows the few functions that lay out tensors, and no others."""
 
-    # Without what makes or fills other objects, or makes room before there is anything to put into it.
+    # Without what makes or fills other objects, sets and mappings of several names at once among them, or makes
+    # room before there is anything to put into it.
     dispatch: ClassVar[dict[int, Any]] = {
         code: step
         for code, step in pickle._Unpickler.dispatch.items()
@@ -77,8 +78,10 @@ class _Unpickler(pickle._Unpickler):  # Python's own: the other's memory is as l
         not in (
             *(pickle.INST, pickle.OBJ, pickle.NEWOBJ, pickle.NEWOBJ_EX, pickle.BUILD, pickle.BYTEARRAY8),
             *(pickle.EXT1, pickle.EXT2, pickle.EXT4, pickle.NEXT_BUFFER, pickle.READONLY_BUFFER, pickle.PERSID),
+            *(pickle.DICT, pickle.EMPTY_SET, pickle.ADDITEMS, pickle.FROZENSET),
         )
     }
+    dispatch[pickle.EMPTY_DICT[0]] = lambda self: self.append(_Named())
 
     def __init__(self, archive: zipfile.ZipFile, folder: str) -> None:
         super().__init__(io.BytesIO(archive.read(f"{folder}data.pkl")))
@@ -105,8 +108,17 @@ class _Unpickler(pickle._Unpickler):  # Python's own: the other's memory is as l
         return self._numbers[key].view(dtype)
 
 
+class _Named(dict[Any, Any]):
+    """A mapping by texts or numbers: the hash of a tuple within a tuple, a million times, ends the process."""
+
+    def __setitem__(self, name: Any, value: Any) -> None:
+        if not isinstance(name, str | int | float):
+            raise TypeError("something is called by what is no name")
+        super().__setitem__(name, value)
+
+
 def _empty_mapping() -> dict[Any, Any]:
-    return {}
+    return _Named()
 
 
 def _tensor(numbers: np.ndarray, begin: int, shape: Sequence[int], steps: Sequence[int], *_: Any) -> np.ndarray:

@@ -319,7 +319,7 @@ def _read_npz(path: Path) -> dict[str, np.ndarray | None]:
 
 def _check_unpacked(path: Path, what: str) -> None:
     try:
-        with zipfile.ZipFile(path) as archive:
+        with opened_file(path) as stream, zipfile.ZipFile(stream) as archive:
             unpacked = sum(entry.file_size for entry in archive.infolist())
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, NotImplementedError) as error:
         raise motion_error(path, f"{what}: {str(error).partition(chr(10))[0]}") from error

@@ -98,6 +98,13 @@ def tensor(count: int, shape: tuple[int, ...], steps: tuple[int, ...], begin: in
         b"\x80\x02]\x94" + b"(" * 100_000 + b".",
         b"\x80\x02" + b"]" * 100_000 + b"a" * 99_999 + b".",
         b"\x80\x02ccollections\nOrderedDict\n}\x85R.",
+        # A tuple in a tuple, a million times: its hash would end the process.
+        b"\x80\x04})" + b"\x85" * 900_000 + b"K\x01s.",
+        b"\x80\x04}()" + b"\x85" * 900_000 + b"K\x01u.",
+        b"\x80\x04()" + b"\x85" * 900_000 + b"K\x01d.",
+        b"\x80\x04()" + b"\x85" * 900_000 + b"\x91.",
+        b"\x80\x04\x8f()" + b"\x85" * 900_000 + b"\x90.",
+        b"\x80\x04ccollections\nOrderedDict\n)R)" + b"\x85" * 900_000 + b"K\x01s.",
         b"",
         b"." * 2_000_000,
     ],

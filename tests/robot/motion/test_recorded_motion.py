@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import zipfile
 from pathlib import Path
 
@@ -407,3 +408,11 @@ def test_a_motion_without_frames_is_refused(tmp_path, bodies):
     np.savez(tmp_path / "m.npz", joint_pos=np.zeros((0, 29)), **{name: np.zeros(shape)})
     with pytest.raises(RobotError, match=r"m\.npz"):
         read_recording(tmp_path / "m.npz")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes of other systems")
+@pytest.mark.parametrize("suffix", [".csv", ".npz", ".pt", ".motion"])
+def test_a_pipe_is_no_motion(tmp_path, suffix):
+    os.mkfifo(tmp_path / f"m{suffix}")  # which would never end
+    with pytest.raises(RobotError, match=rf"m\{suffix}"):
+        read_recording(tmp_path / f"m{suffix}")
