@@ -5,25 +5,21 @@ from __future__ import annotations
 import contextlib
 import shutil
 import stat
-import struct
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path, PurePosixPath
-from typing import IO
 
 from ..core.errors import CaptureError, R2SEgoError
 from ..core.progress import Progress
-from ..core.text_files import opened_file
+from ..core.text_files import open_zip, opened_file
 from .poses.dropped_files import ARCHIVES, VIDEOS
 
 _MOST_BYTES = 64 << 30
 _MOST_TIMES = 50  # photographs and videos are compressed already, depth and text by some ten times
 _ALWAYS_BYTES = 64 << 20
 _MOST_FILES = 100_000
-_MOST_DIRECTORY_BYTES = 32 << 20
-_LONGEST_COMMENT = 1 << 16
+_MOST_LIST_BYTES = 32 << 20
 _PIECE_BYTES = 4 << 20
-_UNSPECIFIED = 0xFFFFFFFF
 _UNPACK = "Unpack the archive where a file in it has to be named or changed."
 _CURE = "Save or share it again, or unpack it and give the folder."
 
@@ -40,10 +36,8 @@ def unpack(archive: Path, folder: Path, progress: Progress) -> Path:
     is damaged or encrypted, has names that lead out of it, or is far larger than photographs can be packed into.
     """
     try:
-        with opened_file(archive) as stream:
-            _require_small_directory(archive, stream)
-            with zipfile.ZipFile(stream) as opened:
-                _unpack(archive, opened, folder, progress)
+        with opened_file(archive) as stream, open_zip(stream, _MOST_LIST_BYTES) as opened:
+            _unpack(archive, opened, folder, progress)
     except CaptureError:
         raise
     except Exception as error:  # zipfile, zlib, lzma and bz2 raise their own
@@ -118,26 +112,6 @@ def _inside(archive: Path, name: str) -> PurePosixPath:
     if path.is_absolute() or ".." in path.parts or ":" in name or not path.parts:
         raise _refused(archive, "it has names that lead out of it")
     return path
-
-
-def _require_small_directory(archive: Path, stream: IO[bytes]) -> None:
-    """Raises CaptureError where the list of files, which is read as a whole, is larger than any of a scan."""
-    size = stream.seek(0, 2)
-    begin = max(0, size - _LONGEST_COMMENT - 22)
-    stream.seek(begin)
-    end = stream.read()
-    place = end.rfind(b"PK\5\6")
-    if place < 0 or place + 22 > len(end):
-        raise _refused(archive, "it is no zip archive, or cut short")
-    (directory,) = struct.unpack_from("<I", end, place + 12)
-    if directory == _UNSPECIFIED and place >= 20 and end[place - 20 : place - 16] == b"PK\6\7":
-        (record,) = struct.unpack_from("<Q", end, place - 12)
-        stream.seek(min(record, size))
-        head = stream.read(48)
-        directory = struct.unpack_from("<Q", head, 40)[0] if len(head) == 48 else directory
-    if directory > _MOST_DIRECTORY_BYTES:
-        raise _refused(archive, f"its list of files has {directory} bytes")
-    stream.seek(0)
 
 
 def _refused(archive: Path, why: str) -> CaptureError:

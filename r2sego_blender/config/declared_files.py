@@ -31,9 +31,11 @@ MOST_BYTES = 1 << 20
 _MOST_NESTING = 32
 _LONGEST_WORD, _MOST_WORDS = 1000, 100_000
 _LARGEST_INTEGER = 1 << 63
+# Text, and raw text, of many lines, which two quotes more may end, or of one. Each also matches without its end:
+# looked for once more from every quote in it, an end that never comes takes time with the square of the text.
 _TOKENS = re.compile(
-    r'''"""(?:\\.|[^\\])*?"""|"(?:\\.|[^"\\\n])*"'''  # text, and raw text, of many lines or of one
-    r"""|'''.*?'''|'[^'\n]*'"""
+    r'''"""(?:\\.?|[^\\])*?(?:"{3,5}|\Z)|"(?:\\.?|[^"\\\n])*"?'''
+    r"""|'''.*?(?:'{3,5}|\Z)|'[^'\n]*'?"""
     r"""|[#][^\n]*|[\w+-]+|[][{}.=,\n]""",
     re.DOTALL,
 )

@@ -20,7 +20,7 @@ from typing import IO
 import numpy as np
 
 from .errors import R2SEgoError, may_not_be_read
-from .text_files import opened_file
+from .text_files import open_zip, opened_file
 
 _DAMAGE = (
     OSError,
@@ -40,7 +40,7 @@ _MOST_UNPACKED = 192 << 20
 _MOST_TIMES_UNPACKED = 10
 """So many bytes may become of a packed file, or so many times its size if that is more."""
 
-_MOST_ARRAYS = 65_536
+_MOST_ARRAYS, _MOST_LIST_BYTES = 65_536, 8 << 20
 _READ_BYTES = 1 << 20
 _KINDS = "biufUS"  # numbers and text; no objects, which are pickled
 
@@ -99,7 +99,7 @@ def arrays_of(file: Path | IO[bytes]) -> Iterator[Arrays]:
     with contextlib.ExitStack() as stack:
         stream = stack.enter_context(opened_file(file)) if isinstance(file, Path) else file
         size = stream.seek(0, os.SEEK_END)
-        yield Arrays(stack.enter_context(zipfile.ZipFile(stream)), size)
+        yield Arrays(stack.enter_context(open_zip(stream, _MOST_LIST_BYTES)), size)
 
 
 @contextlib.contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 _MORE_DIGITS = 12
 
@@ -43,9 +44,9 @@ def duration(seconds: float) -> str:
     return f"{hours} h {minutes} min" if hours < 24 else f"{hours // 24} d {hours % 24} h"
 
 
-def markdown_cell(text: str) -> str:
-    """A text that ends no cell of a table."""
-    return text.replace("\\", "\\\\").replace("|", "\\|")
+def markdown_text(text: str) -> str:
+    """A text that ends no cell of a table, and is no HTML, link or picture, whoever gave the names in it."""
+    return re.sub(r"[\\|<`]|\](?=[(\[:])", r"\\\g<0>", text)
 
 
 _LATEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}

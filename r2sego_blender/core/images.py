@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import re
 import struct
 import warnings
 import zlib
@@ -58,6 +59,12 @@ _PNG_CHUNKS = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
 _PNG = b"\x89PNG\r\n\x1a\n"
 _TIFF_WIDTH, _TIFF_HEIGHT, _TIFF_BITS, _TIFF_PHOTOMETRIC, _TIFF_PLANAR = 256, 257, 258, 262, 284
 _WHITE_IS_ZERO, _PLANES = 0, 2
+_JPEG = b"\xff\xd8\xff"
+_JPEG_MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])")
+_START_OF_SCAN, _END_OF_IMAGE = 0xDA, 0xD9
+_MOST_SCANS, _MOST_SEGMENTS = 200, 4096
+"""Of a JPEG. A scan goes over all pixels, and may be told in ten bytes; the finest that an optimiser makes are 64."""
+
 _MOST_PNG_CHUNKS = 1 << 20
 
 
@@ -89,6 +96,7 @@ def load_image(path: Path) -> np.ndarray:
 def load_image_uint8(path: Path) -> np.ndarray:
     """The image as (H, W, 3) uint8 sRGB; otherwise as ``load_image``."""
     with opened_image(path) as image:
+        _require_few_scans(read_bytes(path, MOST_FILE_BYTES))
         ImageOps.exif_transpose(image, in_place=True)
         return np.asarray(_srgb(image, path))
 
@@ -174,6 +182,7 @@ def stored_values(path: Path) -> np.ndarray | None:
             data = _plain_png(data)
         width, height = _stored_size(data)
         require_sensible_size(path, width, height, len(data))
+        _require_few_scans(data)
         return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except (*DAMAGED, cv2.error, Image.DecompressionBombError):
         return None
@@ -190,6 +199,22 @@ def _stored_size(data: bytes) -> tuple[int, int]:
         return int(tags[_TIFF_WIDTH]), int(tags[_TIFF_HEIGHT])
     with Image.open(io.BytesIO(data), formats=_readable()) as image:
         return image.size
+
+
+def _require_few_scans(data: bytes) -> None:
+    """Raises ValueError for a JPEG of more scans than any has a use for, which take hours to decode."""
+    if not data.startswith(_JPEG) or data.count(b"\xff\xda") <= _MOST_SCANS:
+        return
+    scans, place = 0, 2  # a thumbnail, and the video that a phone puts behind its photograph, have such bytes too
+    for _ in range(_MOST_SEGMENTS):
+        found = _JPEG_MARKER.search(data, place)
+        if found is None or found[1][0] == _END_OF_IMAGE:
+            return
+        scans += found[1][0] == _START_OF_SCAN
+        if scans > _MOST_SCANS:
+            break
+        place = found.end() + int.from_bytes(data[found.end() : found.end() + 2], "big")  # a segment tells its length
+    raise ValueError(f"it is a JPEG of more than {_MOST_SCANS} scans, or {_MOST_SEGMENTS} segments")
 
 
 def _plain_png(data: bytes) -> bytes:

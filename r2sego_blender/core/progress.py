@@ -127,7 +127,7 @@ class TerminalProgress(Progress):
         from rich.progress import Progress as Bars
 
         columns = (
-            TextColumn("{task.description:<34}"),
+            TextColumn("{task.description:<34}", markup=False),
             BarColumn(bar_width=28),
             MofNCompleteColumn(),
             TimeElapsedColumn(),
@@ -135,7 +135,7 @@ class TerminalProgress(Progress):
             TimeRemainingColumn(),
         )
         with Bars(*columns, console=self._console) as bars:
-            bar = bars.add_task(title, total=total)
+            bar = bars.add_task(printable(title), total=total)
             yield _BarTask(title, total, lambda units: bars.advance(bar, units))
 
     @contextmanager

@@ -1,4 +1,4 @@
-"""Text files as a bundle holds them: UTF-8, their lines ended alike by every system.
+"""Text files as a bundle holds them: UTF-8, their lines ended alike by every system; and files of others, opened.
 
 A step that ran on Windows then leaves the bytes, and so the digests, that it leaves elsewhere. Needs
 the standard library alone.
@@ -9,9 +9,14 @@ from __future__ import annotations
 import contextlib
 import os
 import stat
+import struct
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
+
+_LONGEST_COMMENT = 1 << 16
+_END_BYTES, _LOCATOR_BYTES, _RECORD_BYTES = 22, 20, 56  # of the end of the list of files, and of zip64's
 
 
 def write_text(file: Path, text: str) -> None:
@@ -40,6 +45,40 @@ def read_bytes(file: Path, most_bytes: int) -> bytes:
 def read_text(file: Path, most_bytes: int) -> str:
     """The UTF-8 text of a file of at most so many bytes. Raises as ``read_bytes``, and ValueError for none."""
     return read_bytes(file, most_bytes).decode("utf-8-sig")
+
+
+def open_zip(stream: IO[bytes], most_list_bytes: int) -> zipfile.ZipFile:
+    """The archive in ``stream``. Raises ``zipfile.BadZipFile`` for none, and for a list of files of more bytes.
+
+    ``zipfile`` makes an object of half a kilobyte of each of the 46 bytes that a listed file may take.
+    """
+    size = _list_bytes(stream)
+    if size > most_list_bytes:
+        raise zipfile.BadZipFile(f"its list of files has {size} bytes")
+    return zipfile.ZipFile(stream)
+
+
+def _list_bytes(stream: IO[bytes]) -> int:
+    """The bytes of the list of files, as any of Python's versions finds them."""
+    size = stream.seek(0, 2)
+    begin = max(0, size - _LONGEST_COMMENT - _END_BYTES - _LOCATOR_BYTES)
+    stream.seek(begin)
+    end = stream.read()
+    place = end.rfind(b"PK\5\6")
+    if place < 0 or place + _END_BYTES > len(end):
+        raise zipfile.BadZipFile("it is no zip archive, or cut short")
+    (told,) = struct.unpack_from("<I", end, place + 12)
+    locator = end[max(0, place - _LOCATOR_BYTES) : place]
+    if not locator.startswith(b"PK\6\7"):
+        return int(told)
+    (record,) = struct.unpack_from("<Q", locator, 8)
+    sizes = []  # zipfile goes by zip64's record, whatever stands behind it: where it is told, or straight before this
+    for start in {min(record, size), max(0, begin + place - _LOCATOR_BYTES - _RECORD_BYTES)}:
+        stream.seek(start)
+        head = stream.read(_RECORD_BYTES)
+        if len(head) == _RECORD_BYTES and head.startswith(b"PK\6\6"):
+            sizes += struct.unpack_from("<Q", head, 40)
+    return max(sizes, default=told)
 
 
 def _without_waiting(path: str, flags: int) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from ..core.cameras import Camera
-from ..core.images import resize, to_uint8
+from ..core.images import load_image_uint8, resize, to_uint8
 from ..geometry.proxy.proxy import PROVENANCE_COLOURS, GeometryProxy, Provenance
 from ..geometry.visibility.rasterizer import MeshRasterizer
 
@@ -131,11 +131,12 @@ def camera_map(
 
 
 def save_figure(path: Path, picture: np.ndarray | Path, quality: int = 90) -> None:
-    """Write a picture, (H, W, 3) float [0, 1] or uint8 or another image file, as a JPEG."""
+    """Write a picture, (H, W, 3) float [0, 1] or uint8 or another image file, as a JPEG.
+
+    Raises OSError, and CaptureError for a file that is no image.
+    """
     if isinstance(picture, Path):
-        with Image.open(picture) as image:
-            image.convert("RGB").save(path, "JPEG", quality=quality)
-        return
+        picture = load_image_uint8(picture)
     pixels = picture if picture.dtype == np.uint8 else to_uint8(picture)
     Image.fromarray(pixels).convert("RGB").save(path, "JPEG", quality=quality)
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..bundle.layout import REPORT_PAGE
 from ..core.atomic_files import UNFINISHED, rename, write_whole
+from ..core.errors import CaptureError
 from ..geometry.proxy.proxy import PROVENANCE_COLOURS
 from .charts import candidate_chart, round_chart
 from .figures import save_figure, save_mask
@@ -106,7 +107,7 @@ class _FigureWriter:
             made = self._folder / f"{UNFINISHED}{name}"
             save(made, picture)
             rename(made, self._folder / name)
-        except OSError:
+        except (OSError, CaptureError):
             return ""
         self._written[name] = picture
         return f"{FIGURES}/{name}"

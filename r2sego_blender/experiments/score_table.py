@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..bundle.figures import BASELINES
-from ..core.formatting import latex_text, markdown_cell
+from ..core.formatting import latex_text, markdown_text
 from ..core.statistics import CONFIDENCE, Interval, student_interval
 from ..evaluation.arms import ARMS, REFINED, WITHOUT_GENERATED, strongest_baseline
 from ..evaluation.surfaces.figures import RIGHT_DEPTH, SURFACE_TOLERANCE_M
@@ -225,7 +225,7 @@ def markdown(rows: Sequence[Row], notes: Sequence[str]) -> str:
     for table in tables_of(rows):
         lines += [f"### {table.preset}, {table.shows}" if table.shows else f"## {table.preset}", "", _line(table.head)]
         lines += [_line(["---", "---", "---", *["---:"] * (len(table.head) - 3)]), *map(_line, table.cells), ""]
-    return "\n".join([*lines, *(f"- {note}" for note in [*about(rows), *notes])]) + "\n"
+    return "\n".join([*lines, *(f"- {markdown_text(note)}" for note in [*about(rows), *notes])]) + "\n"
 
 
 def latex(rows: Sequence[Row], notes: Sequence[str]) -> str:
@@ -330,7 +330,7 @@ def _difference(difference: Difference | None, named: bool = True) -> str:
 
 
 def _line(cells: Sequence[str]) -> str:
-    return f"| {' | '.join(map(markdown_cell, cells))} |"
+    return f"| {' | '.join(map(markdown_text, cells))} |"
 
 
 def _row_of(cells: Sequence[str]) -> str:

@@ -5,7 +5,7 @@ import pytest
 
 from r2sego_blender.captures.solving.pose_refinement import RefinedPose
 from r2sego_blender.config.settings import RegistrationSettings
-from r2sego_blender.core.formatting import counted, share, share_apart, told_apart
+from r2sego_blender.core.formatting import counted, markdown_text, share, share_apart, told_apart
 from r2sego_blender.generation.registration.frame_registration import _uncertain
 from r2sego_blender.geometry.collision.collision_check import CollisionCheck
 from r2sego_blender.robot.scope.region import problem_of
@@ -64,3 +64,17 @@ def test_a_region_that_is_hardly_too_small_reads_so():
 
 def test_one_of_a_kind_is_singular():
     assert [counted(count, "mask") for count in (0, 1, 2)] == ["0 masks", "1 mask", "2 masks"]
+
+
+@pytest.mark.parametrize(
+    ("name", "written"),
+    [
+        ("a|b\\", "a\\|b\\\\"),
+        ("<script>", "\\<script>"),
+        ("![x](https://example.org/x.png)", "![x\\](https://example.org/x.png)"),
+        ("[x]: https://example.org", "[x\\]: https://example.org"),
+        ("+0.51 [+0.20, +0.82] to walk_and_look", "+0.51 [+0.20, +0.82] to walk_and_look"),
+    ],
+)
+def test_a_name_in_a_table_is_neither_html_nor_a_link(name, written):
+    assert markdown_text(name) == written

@@ -46,3 +46,18 @@ def test_a_message_and_an_error_are_lines_of_text(monkeypatch):
     error = SceneError(f"'{NAME}' " + "is not there; " * 50_000, where=NAME, cure=NAME)
     assert shown(str(error))
     assert len(str(error)) < 2500
+
+
+def test_a_bar_is_called_as_the_file_is(monkeypatch):
+    class Screen(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    screen = Screen()
+    monkeypatch.setattr("sys.stderr", screen)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "200")
+    with TerminalProgress().task("chair[/b]\x1b]0;owned\x07", 1) as task:
+        task.advance()
+    assert "chair[/b]\\x1b]0;owned" in screen.getvalue()
+    assert "\x07" not in screen.getvalue()

@@ -17,6 +17,7 @@ import numpy as np
 from ...bundle.layout import mask_stems
 from ...captures.registered_views import RegisteredView
 from ...core.errors import GeometryError
+from ...core.image_sizes import require_sensible_png
 from ...results.panels.bundle import Bundle
 from ...results.panels.proxy_objects import mask_files
 from ...splats.regions import in_polygon
@@ -208,6 +209,7 @@ def _stems(bundle: Bundle) -> dict[str, str]:
 
 
 def _mask_of_file(file: Path) -> np.ndarray:
+    require_sensible_png(file, GeometryError, "Declare the masks again.")
     image = bpy.data.images.load(str(file), check_existing=False)
     try:
         image.colorspace_settings.is_data = True

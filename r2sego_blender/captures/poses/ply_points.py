@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...core.errors import CaptureError
+from ...core.text_files import read_bytes
 
 _GREY = 128
 _MOST_BYTES = 1 << 30
@@ -25,9 +27,9 @@ def read_ply_points(path: Path) -> tuple[np.ndarray, np.ndarray]:
     import trimesh
 
     try:
-        if not path.is_file() or path.stat().st_size > _MOST_BYTES:
-            raise OSError("there is no such file, or it is too large")
-        cloud: Any = trimesh.load(path, file_type="ply", process=False)
+        data = io.BytesIO(read_bytes(path, _MOST_BYTES))
+        # Without materials: a picture that the file names would be opened, or be a pipe that never ends.
+        cloud: Any = trimesh.load(data, file_type="ply", process=False, skip_materials=True)
         xyz = np.asarray(cloud.vertices, np.float64).reshape(-1, 3)
     except Exception as error:  # trimesh raises whatever its parser ran into
         raise CaptureError("the points cannot be read", where=path, cure="Give a PLY file with vertices.") from error

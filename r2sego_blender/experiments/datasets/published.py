@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ...core.formatting import counted, latex_text, markdown_cell
+from ...core.formatting import counted, latex_text, markdown_text
 from .dataset import Published
 from .registry import DATASETS
 
@@ -17,10 +17,10 @@ def published_markdown(name: str) -> str:
     found = published_of(name)
     if found is None:
         return ""
-    rows = [f"| {markdown_cell(one.method)} | {one.psnr:.2f} | {one.ssim:.3f} |" for one in found.scores]
+    rows = [f"| {markdown_text(one.method)} | {one.psnr:.2f} | {one.ssim:.3f} |" for one in found.scores]
     head = ["| method | PSNR, dB | SSIM |", "| --- | ---: | ---: |"]
     return (
-        "\n".join(["", f"## {title_of(found)}", "", *head, *rows, "", f"Source: {markdown_cell(found.source)}."]) + "\n"
+        "\n".join(["", f"## {title_of(found)}", "", *head, *rows, "", f"Source: {markdown_text(found.source)}."]) + "\n"
     )
 
 

@@ -15,7 +15,7 @@ _PACKAGE_FOLDERS = {"urdf", "mjcf", "xml", "robots"}
 _LARGEST_FILE_BYTES, _LARGEST_ROBOT_BYTES = 128 << 20, 1 << 30
 _ADDRESS = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]*:")
 _PACKAGE, _PACKAGE_FILE = "package://", "package.xml"
-_NAME, _COMMENT = re.compile(rb"<name>\s*([A-Za-z0-9_.-]+)\s*</name>"), re.compile(rb"<!--.*?-->", re.DOTALL)
+_NAME = re.compile(rb"<name>\s*([A-Za-z0-9_.-]+)\s*</name>")
 _INSIDE = "Put it into the robot's folder and name it relative to the robot's file."
 
 
@@ -123,7 +123,8 @@ class RobotFolder:
         """The name in the folder's ``package.xml``; '' where that cannot be read."""
         try:
             file = place / _PACKAGE_FILE
-            name = _NAME.search(_COMMENT.sub(b"", self.read(file, str(file))))
+            text, *commented = self.read(file, str(file)).split(b"<!--")
+            name = _NAME.search(text + b"".join(part.partition(b"-->")[2] for part in commented))
         except RobotError:
             return ""
         return name[1].decode() if name else ""

@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ...core.text_files import opened_file
+from ...core.text_files import open_zip, opened_file
 
 _MOST_WORDS = 1 << 20
 _MOST_TEXTS, _LONGEST_TEXT = 1000, 200
@@ -42,7 +42,7 @@ def tensors_of(file: Path) -> dict[str, np.ndarray | None]:
     Raises ``pickle.UnpicklingError`` and those of ``zipfile``: no archive of torch's, more than tensors, or
     damage; TypeError where it holds no mapping of names.
     """
-    with opened_file(file) as stream, zipfile.ZipFile(stream) as archive:
+    with opened_file(file) as stream, open_zip(stream, _MOST_WORDS) as archive:
         found = _read(archive)
     if not isinstance(found, Mapping):
         raise TypeError(f"it holds a {type(found).__name__}, not named tensors")

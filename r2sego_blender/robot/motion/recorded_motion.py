@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from ...core.arrays import opened_arrays
 from ...core.errors import RobotError
-from ...core.text_files import opened_file
+from ...core.text_files import open_zip, opened_file
 from ..behaviours.trajectory import RATE_HZ
 from ..model.model import RobotModel
 from .body_motion import RecordedBodies, explained, joint_orders
@@ -43,7 +43,7 @@ from .motion_fields import (
 )
 from .motion_tensors import tensors_of
 
-_MAX_BYTES = 256 * 1024 * 1024
+_MAX_BYTES, _MOST_LIST_BYTES = 256 * 1024 * 1024, 1 << 20
 _MAX_FRAMES, _MAX_BODIES = 200_000, 1000
 _FARTHEST_M, _FARTHEST_RAD = 1000.0, 1e6
 _ROUNDED = 1e-6  # of a quaternion's length: numbers of so many digits are as they are
@@ -319,7 +319,7 @@ def _read_npz(path: Path) -> dict[str, np.ndarray | None]:
 
 def _check_unpacked(path: Path, what: str) -> None:
     try:
-        with opened_file(path) as stream, zipfile.ZipFile(stream) as archive:
+        with opened_file(path) as stream, open_zip(stream, _MOST_LIST_BYTES) as archive:
             unpacked = sum(entry.file_size for entry in archive.infolist())
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, NotImplementedError) as error:
         raise motion_error(path, f"{what}: {str(error).partition(chr(10))[0]}") from error

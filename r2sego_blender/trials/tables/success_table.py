@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from ...core.formatting import latex_text, markdown_cell
+from ...core.formatting import latex_text, markdown_text
 from .counts import PolicyCount
 from .statistics import Difference, Spread
 
@@ -65,9 +65,9 @@ class SuccessTable:
         """For people: the table, counts by seed, differences and what they are of."""
         lines = ["| Training scene | Sim (%, mean ± std) | Real (%, mean ± std) |", "| --- | ---: | ---: |"]
         lines += [
-            f"| {markdown_cell(row.condition)} | {_plain(row.simulated)} | {_plain(row.real)} |" for row in self.rows
+            f"| {markdown_text(row.condition)} | {_plain(row.simulated)} | {_plain(row.real)} |" for row in self.rows
         ]
-        lines += ["", *self.notes()]
+        lines += ["", *map(markdown_text, self.notes())]
         return "\n".join(lines) + "\n"
 
     def notes(self) -> list[str]:
@@ -91,7 +91,7 @@ class SuccessTable:
         """The tabular of the paper; the condition with the highest mean on the robot is bold."""
         best = max((row.real.mean for row in self.rows if row.real), default=None)
         lines = [
-            *(f"% {note}" for note in self.notes()),
+            *(f"% {latex_text(note)}" for note in self.notes()),
             r"\begin{tabular}{@{}lcc@{}}",
             r"  \toprule",
             r"  Training scene & Sim (\%, mean $\pm$ std) & Real (\%, mean $\pm$ std) \\",
