@@ -8,10 +8,18 @@ Scripts take from here what stays in its place when folders move: ``Scene``, ``S
 ``pipeline`` the function ``refine``.
 """
 
+import os
+import sys
 from importlib import import_module
 from typing import Any
 
 __version__ = "0.1.0"
+
+if sys.platform.startswith("linux"):
+    # OpenCV puts a folder of its own before what this variable holds. Before nothing, every program that is started
+    # then would look for its libraries in the folder that the person stands in, which may be a stranger's.
+    _PLACES = filter(None, os.environ.get("LD_LIBRARY_PATH", "").split(os.pathsep))
+    os.environ["LD_LIBRARY_PATH"] = os.pathsep.join(_PLACES) or os.devnull
 
 _HOMES = {
     "Scene": "bundle.scene",

@@ -283,3 +283,17 @@ def test_no_module_of_the_folder_that_one_stands_in_is_run(bundle, tmp_path):
     done = subprocess.run(command, cwd=theirs, env=variables, capture_output=True)
     assert done.returncode == 0, done.stderr
     assert not (theirs / "ran").exists()
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="of Linux's loader")
+@pytest.mark.parametrize("imports", ["r2sego_blender, cv2", "cv2, r2sego_blender"])
+@pytest.mark.parametrize("places", [None, "", "/opt/lib:", ":/opt/lib"])
+def test_no_library_of_the_folder_that_one_stands_in_is_loaded(imports, places):
+    """An empty place among those of libraries is that folder."""
+    variables = {name: value for name, value in os.environ.items() if name != "LD_LIBRARY_PATH"}
+    variables |= {"PYTHONPATH": str(LIBRARY.parent)} | ({} if places is None else {"LD_LIBRARY_PATH": places})
+    command = [sys.executable, "-c", f"import os, {imports}; print(os.environ['LD_LIBRARY_PATH'])"]
+    done = subprocess.run(command, env=variables, capture_output=True, text=True, check=True)
+    told = done.stdout.strip().split(":")
+    assert all(map(os.path.isabs, told))
+    assert ("/opt/lib" in told) == bool(places)

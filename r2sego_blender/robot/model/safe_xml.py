@@ -14,6 +14,8 @@ from ...core.errors import RobotError
 
 _MOST_ELEMENTS = 50_000
 _DEEPEST = 100
+_MOST_ATTRIBUTES = 256  # MuJoCo looks for each among all those before it
+_MOST_BYTES = 16 << 20
 _C_NAN = re.compile(r"[+-]?nan\(\w*\)", re.IGNORECASE)
 
 
@@ -38,8 +40,11 @@ def parse_xml(text: bytes, source: Path) -> Element:
     """The tree of UTF-8 ``text``, without comments. Raises RobotError naming the line.
 
     Refused: a document type (it alone can declare entities), namespaces (xacro), values that
-    are not finite, more than 50,000 elements or 100 levels.
+    are not finite, more than 16 MiB, 50,000 elements, 100 levels or 256 attributes of an element.
     """
+    if len(text) > _MOST_BYTES:
+        what = f"the file has more than {_MOST_BYTES >> 20} MiB"
+        raise RobotError(what, where=source, cure="Put its meshes into files of their own.")
     return _Reader(source).read(text)
 
 
@@ -70,6 +75,10 @@ class _Reader:
         if self._count > _MOST_ELEMENTS or len(self._open) >= _DEEPEST:
             raise self._refusal(
                 f"the file has more than {_MOST_ELEMENTS} elements or {_DEEPEST} levels", "Simplify it."
+            )
+        if len(attributes) > _MOST_ATTRIBUTES:
+            raise self._refusal(
+                f"<{tag}> has more than {_MOST_ATTRIBUTES} attributes", "Take those out that no robot has."
             )
         if ":" in tag:
             raise self._refusal(f"<{tag}> has a namespace", "Expand xacro first: xacro robot.xacro > robot.urdf.")

@@ -203,6 +203,8 @@ REFUSED = {
     "entities": ('<!DOCTYPE a [<!ENTITY b "c">]><mujoco/>', "may not declare a document type"),
     "cycle": (include("robot.xml"), "included again"),
     "deep": ("<mujoco>" + "<body>" * 200 + "</body>" * 200 + "</mujoco>", "100 levels"),
+    "wide": ("<mujoco><body " + " ".join(f"a{index}='1'" for index in range(300)) + "/></mujoco>", "256 attributes"),
+    "large": ("<mujoco>" + " " * (16 << 20) + "</mujoco>", "16 MiB"),
     "many": ("<mujoco>" + "<body/>" * 50_001 + "</mujoco>", "50000 elements"),
     "xacro": ('<robot xmlns:xacro="x"><xacro:include filename="/etc/passwd"/></robot>', "Expand xacro"),
     "no robot": ("<svg/>", "<svg>: <svg> is no robot"),
