@@ -21,6 +21,7 @@ from typing import IO, Any, NoReturn
 from ..core.atomic_files import UNFINISHED, remove, rename
 from ..core.digests import content_digest
 from ..core.errors import ExperimentError, MachineError, may_not_be_read
+from ..core.json_files import parse_json
 
 PROTOCOLS = ("file", "s3")
 """Those that are tested; fsspec has more."""
@@ -121,22 +122,22 @@ class ObjectStore:
     def _listed(self, name: str, listed: bytes, staging: Path) -> Iterator[tuple[PurePosixPath, str, int]]:
         """The files of a list; empty folders are made."""
         try:
-            told = json.loads(listed)
+            told = parse_json(listed.decode())
             files = [(_inside(one), str(digest), int(size)) for one, (digest, size) in told["files"].items()]
             folders = [_inside(one) for one in told["folders"]]
             if any(len(digest) != 64 or not digest.isalnum() for _, digest, _ in files):
                 raise ValueError("a digest is none")
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            for one in folders:
+                (staging / one).mkdir(parents=True, exist_ok=True)
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise self._damaged(name, str(error)) from error
-        for one in folders:
-            (staging / one).mkdir(parents=True, exist_ok=True)
         yield from files
 
     def _get(self, name: str, relative: PurePosixPath, digest: str, size: int, staging: Path) -> None:
         file = staging / relative
-        file.parent.mkdir(parents=True, exist_ok=True)
         found, left = hashlib.sha256(), size
         try:
+            file.parent.mkdir(parents=True, exist_ok=True)
             with self._files.open(self._place(digest), "rb") as source, file.open("wb") as place:
                 while left >= 0 and (chunk := source.read(min(_CHUNK_BYTES, left + 1))):
                     found.update(chunk)

@@ -134,7 +134,13 @@ def test_a_list_that_names_what_is_outside_is_refused(store, tmp_path, name):
 
 
 @pytest.mark.parametrize(
-    "content", ["", "[]", "{}", '{"files": {"a": 1}, "folders": []}', '{"files": {"a": ["../b", 3]}, "folders": []}']
+    "content",
+    [
+        *("", "[]", "{}", "[" * 100_000),
+        *('{"files": {"a": 1}, "folders": []}', '{"files": {"a": ["../b", 3]}, "folders": []}'),
+        *(f'{{"files": {{"a": ["{"0" * 64}", {size}]}}, "folders": []}}' for size in ("1e999", "NaN")),
+        *(f'{{"files": {{}}, "folders": ["{name}"]}}' for name in ("a\\u0000", "\\ud800", "a" * 5000)),
+    ],
 )
 def test_a_damaged_list_is_told(store, tmp_path, content):
     store.publish(folder_of(tmp_path / "made", {"a": b"1"}), "cells/a")
@@ -180,3 +186,12 @@ def test_a_link_that_leads_nowhere_or_around_is_refused_by_name(store, tmp_path,
     with pytest.raises(ExperimentError) as refused:
         store.publish(folder, "scene")
     assert Path(refused.value.where).is_relative_to(folder / "images") and not store.has("scene")
+
+
+def test_a_file_that_is_a_folder_too_is_told(store, tmp_path):
+    store.publish(folder_of(tmp_path / "made", {"a": b"1"}), "cells/a")
+    listed = tmp_path / "storage/cells/a.json"
+    told = json.loads(listed.read_text())
+    listed.write_text(json.dumps(told | {"files": told["files"] | {"a/b": told["files"]["a"]}}))
+    with pytest.raises(ExperimentError, match="cells/a"):
+        store.fetch("cells/a", tmp_path / "there")
