@@ -15,6 +15,7 @@ import pytest
 from PIL import Image
 
 from r2sego_blender.captures.archives import unpack
+from r2sego_blender.captures.poses.finding import find_photographs
 from r2sego_blender.captures.poses.ply_points import read_ply_points
 from r2sego_blender.config.declared_files import parse_toml
 from r2sego_blender.core.arrays import arrays_of
@@ -92,6 +93,12 @@ def package(tmp_path: Path) -> None:
     gather_robot(tmp_path / "r.urdf")
 
 
+def names_of_poses(tmp_path: Path) -> None:
+    for index in range(2000):
+        (tmp_path / f"{index}.png").touch()
+    find_photographs([f"a{index}.png" for index in range(3000)], (tmp_path,), "transforms.json", SILENT)
+
+
 @pytest.mark.parametrize(
     "read",
     [
@@ -104,8 +111,9 @@ def package(tmp_path: Path) -> None:
         declaration("x = '''" + "''a" * 60_000),
         declaration('x = "' + "\\" * 120_001),
         package,
+        names_of_poses,
     ],
-    ids=["JPEG", "zip", "zip's comment", "NPZ", "text", "lines", "raw", "strokes", "package.xml"],
+    ids=["JPEG", "zip", "zip's comment", "NPZ", "text", "lines", "raw", "strokes", "package.xml", "names"],
 )
 def test_work_without_end_is_refused(tmp_path, read):
     begun_s = time.process_time()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from ...core.errors import CaptureError
 from ..lenses.distortion import COEFFICIENTS
 from ..lenses.lens import Lens
 from . import json_fields as fields
-from .finding import find_photograph, with_own_file_names
+from .finding import find_photograph, images_by_stem, with_own_file_names
 from .photographs import Photograph, require_lens_of_size, require_once_each, upright_size, with_unique_names
 
 
@@ -57,12 +58,12 @@ def _photographs(
     entries = {f"{key}[{index}]": entry for index, entry in enumerate(fields.entries(data, key, path))}
     names = [fields.text("file", path, field, entry) for field, entry in entries.items()]
     alone = with_own_file_names(names)
-    photographs = []
+    photographs, images_in = [], cache(images_by_stem)
     for (field, entry), name in zip(entries.items(), names, strict=True):
         source = f"{path}, {field}"
         places = (entry, *shared)
         if files_needed or not _says_size(places):
-            image_path = find_photograph(name, (folder, path.parent), source, name in alone)
+            image_path = find_photograph(name, (folder, path.parent), source, name in alone, images_in)
         else:
             image_path = folder / name
         sizes = _size(places, image_path, path, field)

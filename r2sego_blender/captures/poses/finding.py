@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import unicodedata
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -19,15 +19,29 @@ from .plain_folder import UNREAD_PICTURES
 
 _LISTED = 8
 
+ImagesIn = Callable[[Path], Mapping[str, Sequence[Path]]]
+"""The images of a folder by ``caseless`` stems: ``images_by_stem``, or its ``cache``, for files may name thousands that
+are not there."""
 
-def find_photograph(name: str, folders: tuple[Path, ...], where: str, by_file_name: bool) -> Path:
+
+def images_by_stem(folder: Path) -> Mapping[str, Sequence[Path]]:
+    """The images straight inside ``folder``."""
+    found: dict[str, list[Path]] = {}
+    for path in image_files(folder):
+        found.setdefault(caseless(path.stem), []).append(path)
+    return found
+
+
+def find_photograph(
+    name: str, folders: tuple[Path, ...], where: str, by_file_name: bool, images_in: ImagesIn = images_by_stem
+) -> Path:
     """The photograph a pose file names, inside one of ``folders``, the first of them that has it.
 
     With ``by_file_name`` a path that is not there, or leads elsewhere (absolute, or through ``..``), is looked up by
     its file name. Where no file has the name, one that has it but for case and kind of picture is taken.
     Raises CaptureError when no folder has it.
     """
-    found = _found(name, folders, False, by_file_name)
+    found = _found(name, folders, False, by_file_name, images_in)
     if found is not None:
         return found
     searched = " and ".join(sorted({str(folder) for folder in folders}))
@@ -47,7 +61,7 @@ def find_photographs(
     more photographs than are at hand. Raises CaptureError when fewer than three are left.
     """
     alone = with_own_file_names(names)
-    images_in = cache(image_files)  # a model may name thousands that are not there
+    images_in = cache(images_by_stem)
     found = [_found(name, folders, guess_suffix, name in alone, images_in) for name in names]
     missing = [name for name, path in zip(names, found, strict=True) if path is None]
     if not missing:
@@ -72,17 +86,13 @@ def with_own_file_names(names: Sequence[str]) -> frozenset[str]:
     return frozenset(name for name in names if counts[_plain(name).name] == 1)
 
 
-def find_beside(name: str, folders: tuple[Path, ...]) -> Path | None:
+def find_beside(name: str, folders: tuple[Path, ...], images_in: ImagesIn = images_by_stem) -> Path | None:
     """What a pose file names beside a photograph, inside one of ``folders``; None where it is missing."""
-    return _found(name, folders, guess_suffix=False, by_file_name=False)
+    return _found(name, folders, False, False, images_in)
 
 
 def _found(
-    name: str,
-    folders: tuple[Path, ...],
-    guess_suffix: bool,
-    by_file_name: bool,
-    images_in: Callable[[Path], list[Path]] = image_files,
+    name: str, folders: tuple[Path, ...], guess_suffix: bool, by_file_name: bool, images_in: ImagesIn
 ) -> Path | None:
     if "\0" in name:
         return None
@@ -128,7 +138,7 @@ def _real(path: Path) -> Path:
     return Path(os.path.realpath(path))
 
 
-def _alike(candidate: Path, images_in: Callable[[Path], list[Path]]) -> Path | None:
+def _alike(candidate: Path, images_in: ImagesIn) -> Path | None:
     """The one photograph that has the name of ``candidate`` but for case, kind and Unicode's form.
 
     HEIC is converted before or after its poses are solved, and some systems take .JPG for .jpg.
@@ -137,7 +147,7 @@ def _alike(candidate: Path, images_in: Callable[[Path], list[Path]]) -> Path | N
         return None
     kinds = SUFFIXES | UNREAD_PICTURES
     stem = caseless(candidate.stem if candidate.suffix.lower() in kinds else candidate.name)
-    alike = [path for path in images_in(candidate.parent) if caseless(path.stem) == stem]
+    alike = images_in(candidate.parent).get(stem, ())
     same = [path for path in alike if caseless(path.name) == caseless(candidate.name)]
     found = same or alike
     return found[0] if len(found) == 1 else None

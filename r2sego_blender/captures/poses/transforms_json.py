@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from ...core.progress import SILENT, Progress
 from ..lenses.distortion import COEFFICIENTS
 from ..lenses.lens import Lens
 from . import json_fields as fields
-from .finding import find_beside, find_photographs
+from .finding import find_beside, find_photographs, images_by_stem
 from .photographs import Photograph, photograph_size, require_lens_of_size, with_unique_names
 
 # OpenGL cameras look along -z with y up, OpenCV's along +z with y down.
@@ -44,7 +45,7 @@ def read_transforms_json(
     frames = kept_frames(data, path, progress, held_out)
     names = [fields.text("file_path", path, field, frame) for field, frame in frames.items()]
     paths = find_photographs(names, (folder, path.parent), path, progress, guess_suffix=True)
-    photographs = []
+    photographs, images_in = [], cache(images_by_stem)
     for (field, frame), name, image_path in zip(frames.items(), names, paths, strict=True):
         if image_path is None:
             continue
@@ -52,9 +53,9 @@ def read_transforms_json(
         pose = fields.matrix("transform_matrix", path, field, frame) @ GL_FROM_CV
         lens = _lens((frame, data), image_path, path, field)
         mask = frame.get("mask_path")
-        mask_path = find_beside(mask, (path.parent, folder)) if isinstance(mask, str) else None
+        mask_path = find_beside(mask, (path.parent, folder), images_in) if isinstance(mask, str) else None
         depth = frame.get("depth_file_path")
-        depth_path = find_beside(depth, (path.parent, folder)) if isinstance(depth, str) else None
+        depth_path = find_beside(depth, (path.parent, folder), images_in) if isinstance(depth, str) else None
         photographs.append(Photograph(name, image_path, lens, pose, source, mask_path, depth_path=depth_path))
     return with_unique_names(photographs), data.get("metric") is True
 
