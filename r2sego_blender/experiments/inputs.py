@@ -29,6 +29,7 @@ from ..core.images import image_files
 from ..core.json_files import read_json
 from ..core.progress import SILENT
 from ..evaluation.ground_truth import TRUE_MESH
+from ..geometry.objects.shapes import require_library
 from .plan import Plan, PlannedScene
 
 INPUTS = "inputs.json"
@@ -111,7 +112,10 @@ def _captures(scene: PlannedScene) -> tuple[Files, str, Sequence[np.ndarray], Ma
         made_of += [declared.robot, declared.scope, declared.mesh_library]
         files = _digests((one.name, one.image_path) for one in bundle.read(CAPTURES))
         kept = sorted(of_captures(declared.overrides).items())
-        library = content_digest(Path(declared.mesh_library)) if declared.mesh_library else ""
+        library = ""
+        if declared.mesh_library:
+            require_library(Path(declared.mesh_library))
+            library = content_digest(Path(declared.mesh_library))
         others = {"import_settings": _digest_of_any(kept), "mesh_library": library}
         return files, _digest(made_of), (), {**others, **_behaviour(declared.robot, declared.scope)}
     if not scene.captures.is_dir():

@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+from pathlib import Path
 
 import pytest
 
@@ -64,3 +65,9 @@ def test_a_large_file_is_known_by_its_size_and_ends(tmp_path, monkeypatch):
     assert len(told) == 4
     with pytest.raises(OSError, match="gone"):
         file_identity(tmp_path / "gone")
+
+
+@pytest.mark.skipif(not Path("/proc/self/pagemap").is_file(), reason="a file of Linux that never ends")
+def test_a_file_has_the_bytes_that_it_says(tmp_path):
+    (tmp_path / "empty").touch()
+    assert content_digest(Path("/proc/self/pagemap")) == content_digest(tmp_path / "empty")

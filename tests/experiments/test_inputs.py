@@ -17,7 +17,7 @@ from r2sego_blender.captures.store import save_captures
 from r2sego_blender.config.fields import fields_of
 from r2sego_blender.config.training_settings import TrainingSettings
 from r2sego_blender.core.cameras import Camera, look_at
-from r2sego_blender.core.errors import ExperimentError
+from r2sego_blender.core.errors import ExperimentError, GeometryError
 from r2sego_blender.evaluation import arms
 from r2sego_blender.evaluation.arms import baseline_settings
 from r2sego_blender.experiments.cells import cells_of
@@ -305,3 +305,14 @@ def test_what_a_bundle_was_made_with_is_fixed_and_in_the_keys(plan_file, tmp_pat
         fixed_inputs(plan, tmp_path / "out")
     shutil.rmtree(tmp_path / "out")
     assert not set(before.values()) & set(keys(plan, tmp_path).values())
+
+
+def test_a_bundles_library_that_is_a_whole_disk_is_not_read(plan_file, tmp_path, monkeypatch):
+    monkeypatch.setattr("r2sego_blender.geometry.objects.shapes._MOST_LIBRARY_FILES", 2)
+    scene, plan = of_bundle(plan_file, tmp_path)
+    (tmp_path / "disk/folder").mkdir(parents=True)
+    for index in range(3):
+        (tmp_path / f"disk/folder/{index}.obj").touch()
+    scene.declare(mesh_library=str(tmp_path / "disk"))
+    with pytest.raises(GeometryError, match="disk"):
+        fixed_inputs(plan, folder_of(tmp_path))

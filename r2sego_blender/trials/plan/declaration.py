@@ -39,6 +39,9 @@ class Policy:
         if "\0" in self.file:
             raise TrialError(f"the {named} has a name that no file has", where=beside, cure="Name a file.")
         try:
+            if self.file and (beside / self.file).is_dir():  # which may be a whole disk
+                cure = "Name the policy's own file."
+                raise TrialError(f"the {named} is a folder", where=beside / self.file, cure=cure)
             found = content_digest(beside / self.file) if self.file else self.sha256
         except OSError as error:
             raise TrialError(

@@ -253,7 +253,8 @@ def test_a_policy_is_the_one_that_was_declared(tmp_path):
     for right_too in (f'{named}sha256 = "{right}"\n', f'sha256 = "{right}"\n'):
         file.write_text(text.replace(named, right_too))
         assert freeze_plan(file)[0].trials[0].policy_sha256 == right
-    for wrong in (f'{named}sha256 = "{"0" * 64}"\n', 'file = "gone.onnx"\n', 'sha256 = "12"\n', ""):
+    folder = 'file = "/"\n'
+    for wrong in (f'{named}sha256 = "{"0" * 64}"\n', 'file = "gone.onnx"\n', folder, 'sha256 = "12"\n', ""):
         file.write_text(text.replace(named, wrong))
         with pytest.raises(TrialError):
             freeze_plan(file)
