@@ -80,7 +80,10 @@ def load_student(file: Path) -> Student:
     """The student of a checkpoint. Raises MachineError where it is damaged, or not there."""
     _require(file)
     with opened_arrays(file, MachineError, _DAMAGED, _CURE) as arrays:
-        student = Student(len(arrays["weights/proprio_mean"]))
+        size = len(arrays["weights/proprio_mean"])
+        if arrays["weights/body.0.weight"].shape[1:] != (size,):  # else a small file makes room for any size
+            raise ValueError(f"there are no weights of {size} numbers")
+        student = Student(size)
         student.load_state_dict({name: _like(arrays, f"weights/{name}", t) for name, t in student.state_dict().items()})
     return student.eval()
 

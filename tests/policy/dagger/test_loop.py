@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -17,6 +18,7 @@ from dot_environment import DotEnvironment, DotTeacher
 
 from r2sego_blender.core.errors import MachineError, SettingsError
 from r2sego_blender.core.progress import Progress, Task
+from r2sego_blender.core.resources import forget_peak_memory, peak_memory_mb
 from r2sego_blender.policy.dagger.acting import Actor, outcomes, taught_outcomes
 from r2sego_blender.policy.dagger.checkpoints import load_settings, load_student
 from r2sego_blender.policy.dagger.episodes import EpisodeStore
@@ -168,6 +170,15 @@ def test_ctrl_c_ends_it_at_once_with_nothing_half_written(tmp_path):
     assert process.returncode == -signal.SIGINT
     assert all(len(store[number]) > 0 for number in range(8))
     load_student(folder / CHECKPOINT)
+
+
+def test_a_checkpoint_of_a_few_bytes_makes_no_room_for_weights_that_it_has_not(tmp_path):
+    np.savez_compressed(tmp_path / CHECKPOINT, **{"weights/proprio_mean": np.zeros(2_000_000, np.float32)})
+    forget_peak_memory()
+    before_mb = peak_memory_mb() or 0.0
+    with pytest.raises(MachineError, match=re.escape(CHECKPOINT)):
+        load_student(tmp_path / CHECKPOINT)
+    assert (peak_memory_mb() or 0.0) - before_mb < 100.0
 
 
 def test_a_folder_of_other_settings_and_a_damaged_one_are_refused(tmp_path, undisturbed):
