@@ -72,9 +72,8 @@ def _list_bytes(stream: IO[bytes]) -> int:
     if not locator.startswith(b"PK\6\7"):
         return int(told)
     (record,) = struct.unpack_from("<Q", locator, 8)
-    sizes: list[
-        int
-    ] = []  # zipfile goes by zip64's record, whatever stands behind it: where it is told, or straight before this
+    sizes: list[int] = []
+    # zipfile goes by zip64's record, whatever stands behind it: where it is told, or straight before this.
     for start in {min(record, size), max(0, begin + place - _LOCATOR_BYTES - _RECORD_BYTES)}:
         stream.seek(start)
         head = stream.read(_RECORD_BYTES)
