@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ..core.atomic_files import CHANGES, finish_replacing
 from ..core.errors import SceneError
-from ..core.file_locks import try_lock
+from ..core.file_locks import wait_for_lock
 from .containment import require_contained
 from .disk import disk_errors
 from .layout import DECLARATION, IN_WORLD_FRAME
@@ -35,10 +35,10 @@ _HOLDERS: dict[Path, _Holder] = {}  # of bundles that this process holds
 
 
 @contextlib.contextmanager
-def locked(bundle: Path) -> Iterator[None]:
+def locked(bundle: Path, patience_s: float = 0.0) -> Iterator[None]:
     """Hold ``bundle`` for writing; the thread that holds it may do so again.
 
-    Raises SceneError when another process or thread holds it, and after finishing what was cut off.
+    Raises SceneError when another process or thread holds it, waited for so long, and after finishing what was cut off.
     """
     key, thread = bundle.resolve(), threading.get_ident()
     if key in _HOLDERS and _HOLDERS[key].thread == thread:
@@ -48,7 +48,7 @@ def locked(bundle: Path) -> Iterator[None]:
     with disk_errors(bundle, kept=""):
         lock = (bundle / LOCK).open("a+")
     with lock as file:
-        if not try_lock(file):
+        if not wait_for_lock(file, patience_s):
             raise SceneError(
                 "another process is working on this scene", where=bundle, cure="Wait until it has ended, or cancel it."
             )
@@ -90,11 +90,11 @@ def _finish_correction(bundle: Path) -> bool:
         ) from error
 
 
-def held_still(bundle: Path) -> contextlib.AbstractContextManager[None]:
+def held_still(bundle: Path, patience_s: float = 0.0) -> contextlib.AbstractContextManager[None]:
     """Keep others from writing while results that belong together are read; as ``locked``.
 
     A bundle that may only be read, as published ones, is read without its lock.
     """
     lock = bundle / LOCK
     writable = os.access(lock if lock.exists() else bundle, os.W_OK)
-    return locked(bundle) if writable else contextlib.nullcontext()
+    return locked(bundle, patience_s) if writable else contextlib.nullcontext()

@@ -201,6 +201,6 @@ class Scene:
         """Hold the bundle for writing (``locks.locked``)."""
         return locks.locked(self.path)
 
-    def held_still(self) -> contextlib.AbstractContextManager[None]:
+    def held_still(self, patience_s: float = 0.0) -> contextlib.AbstractContextManager[None]:
         """Keep others from writing while it is read (``locks.held_still``)."""
-        return locks.held_still(self.path)
+        return locks.held_still(self.path, patience_s)

@@ -42,7 +42,7 @@ def wait_for_lock(file: IO, patience_s: float = math.inf) -> bool:
     """As ``try_lock``, waiting so long for whoever holds the lock; whether it came free."""
     until_s = time.monotonic() + patience_s
     while not try_lock(file):
-        if time.monotonic() > until_s:
+        if time.monotonic() >= until_s:
             return False
         time.sleep(_PAUSE_S)
     return True

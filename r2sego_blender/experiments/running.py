@@ -140,9 +140,10 @@ def _import_options(cell: Cell) -> list[str]:
     return options
 
 
-def copy_bundle(source: Path, bundle: Path) -> None:
+def copy_bundle(source: Path, bundle: Path, patience_s: float = 60.0) -> None:
     """A bundle of the same captures, and of what else is no result of a refinement; there whole, or not at all.
 
+    Cells that begin together copy one after the other: who holds the ``source`` is waited for so long.
     Files are hard links where the disk has them: what a bundle publishes takes a file's place, and changes none.
     """
 
@@ -154,7 +155,7 @@ def copy_bundle(source: Path, bundle: Path) -> None:
     staging = bundle.with_name(UNFINISHED + bundle.name)
     remove(staging)
     try:
-        with Scene.open(source).held_still():
+        with Scene.open(source).held_still(patience_s):
             shutil.copytree(source, staging, ignore=left_out, copy_function=linked)
             if (source / GROUND_PICTURES).is_dir():
                 shutil.copytree(source / GROUND_PICTURES, staging / GROUND_PICTURES, copy_function=linked)

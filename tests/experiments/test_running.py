@@ -7,6 +7,7 @@ import json
 import os
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from r2sego_blender.captures.importing import Choice
 from r2sego_blender.commands.cli import main
 from r2sego_blender.config.settings import CaptureSettings
 from r2sego_blender.core.digests import content_digest
-from r2sego_blender.core.errors import R2SEgoError, SettingsError
+from r2sego_blender.core.errors import R2SEgoError, SceneError, SettingsError
 from r2sego_blender.core.file_locks import try_lock
 from r2sego_blender.core.images import load_image, resize, save_image
 from r2sego_blender.evaluation.baselines import evaluate_baselines
@@ -71,6 +72,20 @@ def test_a_copy_is_whole_or_not_there(tmp_path):
         with pytest.raises((OSError, R2SEgoError)):
             copy_bundle(scene.path, tmp_path / "copy.r2s")
     assert not (tmp_path / "copy.r2s").exists() and not list(tmp_path.glob(".unfinished*"))
+
+
+def test_cells_that_copy_one_bundle_at_once_wait_for_each_other(tmp_path):
+    """Else all but one of those that begin together would fail, and be given up after the second try."""
+    scene = bundle(tmp_path, [splats(0.5)], SplatAsset.empty())
+    with ThreadPoolExecutor(2) as pool:
+        with scene.locked():
+            refused = pool.submit(copy_bundle, scene.path, tmp_path / "one.r2s", 0.0)
+            assert isinstance(refused.exception(), SceneError)
+            waiting = pool.submit(copy_bundle, scene.path, tmp_path / "two.r2s")
+            wait([waiting], timeout=0.3)  # it finds the bundle held
+        waiting.result()
+    assert not (tmp_path / "one.r2s").exists()
+    assert content_digest(tmp_path / "two.r2s" / "captures") == content_digest(scene.captures_folder)
 
 
 def test_a_cell_whose_captures_another_made_meanwhile_goes_on(plan, control, tmp_path):
