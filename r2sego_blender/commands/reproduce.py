@@ -75,6 +75,7 @@ def table3(
     from ..policy.paired.experiment import PairedExperiment, run_experiment
     from ..policy.paired.table import markdown
     from ..policy.training import Task, settings_of
+    from ..results.status import scores_hold
 
     bundle = Scene.open(scene)
     psnr = {arm: scores["psnr"] for arm, scores in bundle.read(METRICS).get("arms", {}).items()}
@@ -82,6 +83,10 @@ def table3(
     if not baseline or REFINED not in psnr:
         raise EvaluationError(
             "the scene's arms were not scored yet", where=scene, cure="Run `r2sego evaluate` on it first."
+        )
+    if not scores_hold(bundle):  # which baseline is strongest, and what both score, may be others by now
+        raise EvaluationError(
+            "the scene was scored before its assets changed", where=scene, cure="Run `r2sego evaluate` on it again."
         )
     arms = {arm: Task(bundle.path, str(bundle.path / ARMS[arm].asset)) for arm in (baseline, REFINED)}
     tests: dict[str, dict[str, Any]] = {"separate chairs": {"chairs": sorted(CHAIRS)}}
