@@ -23,6 +23,9 @@ from .layout import DECLARATION, SCOPE_FILE
 FORMAT = 1
 """The version of the bundle's layout."""
 
+SOLVED = "structure from motion"
+"""How the source of captures begins whose poses were solved from the photographs themselves."""
+
 _FORM_OF_MATRIX = "Write the similarity's four rows of four numbers, or make the scene anew with `r2sego new`."
 
 
@@ -58,6 +61,11 @@ class Declaration:
     def settings(self) -> Settings:
         """The preset with the person's overrides."""
         return with_overrides(self.overrides, preset(self.preset))
+
+    @property
+    def poses_solved(self) -> bool:
+        """Whether the captures' poses were solved from the photographs: no other file's poses are in that frame."""
+        return self.captures_source.startswith(SOLVED)
 
     def with_settings(self, preset: str | None, changes: Mapping[str, Any]) -> Declaration:
         """With ``changes`` among its overrides; another ``preset`` than before begins without any but those that the

@@ -41,6 +41,8 @@ class PosedViews(NamedTuple):
 def frozen_views(scene: Scene, frozen: Path, progress: Progress = SILENT) -> PosedViews:
     """The frozen views of ``frozen``: a cameras.json, of which the frozen list alone is read, whose poses are judged by
     the captures as those of the captures were, or a folder of held-out photographs, which are located against these.
+
+    Raises EvaluationError for poses where those of the captures were solved: their frames are two.
     """
     captures, h = scene.read(CAPTURES), scene.declaration.settings
     if frozen.is_dir():
@@ -49,6 +51,12 @@ def frozen_views(scene: Scene, frozen: Path, progress: Progress = SILENT) -> Pos
         sparse = scene.read(SPARSE)
         located = locate_views(frozen, captures, sparse, h.captures, depths=depths, seed=h.seed, progress=progress)
         return PosedViews(located, "")
+    if scene.declaration.poses_solved:
+        raise EvaluationError(
+            "the captures' poses were solved, and those that are given here are in another frame",
+            where=frozen,
+            cure="Give the folder of the held-out photographs: they are located against the captures.",
+        )
     world_from_capture = np.array(scene.declaration.world_from_capture)
     given = [view.transformed(world_from_capture) for view in load_frozen_views(frozen, captures=captures)]
     views, refined = adjusted_views(given, captures, h.captures, progress)

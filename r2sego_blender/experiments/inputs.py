@@ -62,8 +62,9 @@ def fixed_inputs(plan: Plan, folder: Path, write: bool = True) -> dict[str, Scen
     """The inputs of each of the plan's scenes by its name, as they were when each was first asked for.
 
     What is new is added to the experiment's ``folder``, where something may be written. Raises ExperimentError
-    for captures, poses or frozen views that have changed since, for a frozen view that is among the captures, and
-    for counts that a scene has not; CaptureError for what cannot be read.
+    for captures, poses or frozen views that have changed since, for a frozen view that is among the captures, for
+    poses of frozen views where those of the captures are solved, and for counts that a scene has not; CaptureError for
+    what cannot be read.
     """
     found = {scene.name: _inputs(scene, max(plan.counts, default=0)) for scene in plan.scenes}
     file = folder / INPUTS
@@ -93,6 +94,13 @@ def _inputs(scene: PlannedScene, most: int) -> SceneInputs:
             cure="Take counts beyond that away.",
         )
     frozen, views, sha256 = _frozen(scene.frozen)
+    solved = Scene.open(scene.captures).declaration.poses_solved if scene.is_bundle else not poses
+    if views and solved:
+        raise ExperimentError(
+            f"the poses of the scene {scene.name} are solved, and those of its frozen views are in another frame",
+            where=scene.frozen,
+            cure="Give the folder of the held-out photographs, or poses of both.",
+        )
     _require_distinct(scene, captures[: most or None], cameras[: most or None], frozen, views)
     options: dict[str, Any] = {"robot": scene.robot, "scope": scene.scope, "camera_height": scene.camera_height}
     options["overrides"] = dict(scene.overrides)

@@ -6,12 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from expected_errors import refused
 from fake_bundle import cameras, write_bundle
 
+from r2sego_blender.bundle.declaration import SOLVED
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.store import CAPTURES
 from r2sego_blender.core.errors import EvaluationError
-from r2sego_blender.evaluation.frozen_views import require_distinct, same_view, seen_in_training
+from r2sego_blender.evaluation.frozen_views import frozen_views, require_distinct, same_view, seen_in_training
 from r2sego_blender.generation.ego_views import VIEWS
 from r2sego_blender.generation.view_records import read_views
 from r2sego_blender.views.selection import SELECTION
@@ -52,6 +54,13 @@ def test_targets_count_where_they_were_asked_for_and_where_they_were_registered(
     taken = [candidates[index] for index in retained] + [one.camera for one in scene.read(VIEWS.of_round(0))]
     free = next(one for one in others if not any(same_view(one, other) for other in taken))
     require_distinct(scene, [at(scene, free)])  # a candidate that was no target is nothing that was trained on
+
+
+def test_given_poses_are_not_scored_in_a_frame_that_was_solved(scene, tmp_path):
+    """Nothing tells where they are in it; a folder's photographs are located."""
+    solved = Scene(scene.path, replace(scene.declaration, captures_source=f"{SOLVED}, 6 of 6 photographs"))
+    with refused(EvaluationError, "cameras.json", "another frame", cure="folder"):
+        frozen_views(solved, tmp_path / "cameras.json")
 
 
 def test_views_are_the_same_where_place_and_turn_are():

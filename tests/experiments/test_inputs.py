@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 from bundles import new_bundle
 from cameras_file import save_cameras_json
+from expected_errors import refused
 from fake_experiment import PLAN, pictures
 
+from r2sego_blender.bundle.declaration import SOLVED
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.store import save_captures
 from r2sego_blender.config.fields import fields_of
@@ -285,6 +287,20 @@ def test_a_bundles_own_captures_and_edits_are_fixed(plan_file, tmp_path):
     (scene.path / "objects/chair.json").write_text("{}")
     with pytest.raises(ExperimentError, match="poses of the scene made "):
         fixed_inputs(plan, tmp_path / "out")
+
+
+@pytest.mark.parametrize("is_bundle", [True, False])
+def test_poses_of_frozen_views_are_refused_where_those_of_captures_are_solved(plan_file, tmp_path, is_bundle):
+    """Before hours of refining: no frame has both."""
+    posed(tmp_path, [], [("held_out", "20.png", 1.0)])
+    captures = "room"
+    if is_bundle:
+        scene, _ = of_bundle(plan_file, tmp_path)
+        scene.declare(captures_source=f"{SOLVED}, 3 of 3 photographs")
+        captures = "made.r2s"
+    plan_file.write_text(f'[[scenes]]\ncaptures = "{captures}"\nfrozen = "cameras.json"\n')
+    with refused(ExperimentError, "cameras.json", "solved", cure="folder"):
+        fixed_inputs(Plan.load(plan_file), tmp_path / "out", write=False)
 
 
 @pytest.mark.parametrize("what", ["import_settings", "mesh_library", "robot"])

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...bundle.declaration import SOLVED
 from ...config.settings import CaptureSettings
 from ...core.errors import CaptureError
 from ...core.images import load_image, resize
@@ -82,7 +83,7 @@ def solve_poses(
         pose = np.linalg.inv(np.vstack([one["camera_from_world"], [0.0, 0.0, 0.0, 1.0]]))
         photographs.append(Photograph(path.name, path, lens, pose, str(path)))
     _tell_other_pictures(photographs, progress)
-    return photographs, f"structure from motion, {count}{found.matched_by}"
+    return photographs, f"{SOLVED}, {count}{found.matched_by}"
 
 
 class _Solved(NamedTuple):
