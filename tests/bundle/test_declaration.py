@@ -1,4 +1,4 @@
-"""Bundles declared by earlier versions open and go on: names and keys are those of before."""
+"""Bundles declared by earlier versions open and go on, names and keys being those of before; and other presets."""
 
 from __future__ import annotations
 
@@ -123,3 +123,11 @@ def test_keys_of_scopes_are_those_of_before(tmp_path):
         "walk_and_look": "76a09cdafae28c8d969bcbd4764dd6b3b666c6a4c1bc9cfef0f1f1486213b830",
         "custom": "aa77063fda2ea2b4939e821787b9bd4cd498339df3ec4520bb9f806f4babc0d8",
     }
+
+
+def test_what_the_captures_were_made_with_stays_with_another_preset():
+    """They are not made again, and held-out photographs follow it, too."""
+    settings = {"captures.refine_poses": "never", "rounds": "1"}
+    other = Declaration("photos", IDENTITY, "", "", overrides=settings).with_settings("preview", {})
+    assert (other.preset, dict(other.overrides)) == ("preview", {"captures.refine_poses": "never"})
+    assert other.settings.captures.refine_poses == "never"

@@ -66,14 +66,6 @@ def test_another_preset_begins_without_the_overrides_of_before():
     assert dict(DECLARATION.overrides) == {}
 
 
-def test_what_the_captures_were_made_with_stays_with_another_preset():
-    """They are not made again, and held-out photographs follow it, too."""
-    made = DECLARATION.with_settings(None, {"captures.refine_poses": "never", "rounds": "1"})
-    other = made.with_settings("preview", {})
-    assert (other.preset, dict(other.overrides)) == ("preview", {"captures.refine_poses": "never"})
-    assert other.settings.captures == made.settings.captures
-
-
 @pytest.mark.parametrize(
     ("slot", "key", "known"),
     [
