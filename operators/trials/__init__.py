@@ -7,6 +7,7 @@ library, no other room.
 
 import bpy
 
+from ...r2sego_blender.bridge.shared import versions
 from ...r2sego_blender.trials.running.live import LIVE_EVENT
 from .. import job
 from . import facts, session
@@ -14,6 +15,7 @@ from .properties import R2SEGO_PG_trials
 
 _HANDLERS = (
     (bpy.app.handlers.load_post, facts.read_again),
+    (versions.AFTER_IMPORT, facts.catch_up),
     (bpy.app.handlers.undo_post, facts.catch_up),
     (bpy.app.handlers.redo_post, facts.catch_up),
 )

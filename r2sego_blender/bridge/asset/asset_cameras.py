@@ -7,13 +7,13 @@ import numpy as np
 
 from ...core.cameras import Camera, is_rigid
 from ...core.errors import SceneError
-from ..shared.cameras import camera_of, has_lens, rigid
+from ..shared.cameras import camera_of, has_lens, keeps_lens, rigid
 
 _OPENCV_FROM_BLENDER = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 def exact_camera(camera_object: bpy.types.Object, scene: bpy.types.Scene) -> Camera:
-    """What a camera object sees: by its own lens in pixels, else by Blender's and the scene's size.
+    """What a camera object sees: by its own lens in pixels while it keeps it, else by Blender's and the scene's size.
 
     Raises SceneError for a camera that is no pinhole, and for one that is mirrored or skewed.
     """
@@ -23,7 +23,7 @@ def exact_camera(camera_object: bpy.types.Object, scene: bpy.types.Scene) -> Cam
             where=camera_object.name,
             cure="Clear its scale with Alt S, and that of its parents.",
         )
-    if has_lens(camera_object):
+    if has_lens(camera_object) and keeps_lens(camera_object):
         return camera_of(camera_object)
     if camera_object is None or camera_object.type != "CAMERA" or camera_object.data.type != "PERSP":
         raise SceneError(
@@ -32,8 +32,7 @@ def exact_camera(camera_object: bpy.types.Object, scene: bpy.types.Scene) -> Cam
             cure="Choose a camera of the type Perspective.",
         )
     data, render = camera_object.data, scene.render
-    share = render.resolution_percentage / 100.0
-    width, height = int(render.resolution_x * share), int(render.resolution_y * share)
+    width, height = (side * render.resolution_percentage // 100 for side in (render.resolution_x, render.resolution_y))
     aspect = render.pixel_aspect_y / render.pixel_aspect_x
     horizontal = data.sensor_fit == "HORIZONTAL"
     if data.sensor_fit == "AUTO":

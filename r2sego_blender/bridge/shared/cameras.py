@@ -42,10 +42,7 @@ def set_camera(camera_object: bpy.types.Object, camera: Camera) -> None:
     data = camera_object.data
     data.sensor_fit = "HORIZONTAL"
     data.sensor_width = SENSOR_WIDTH_MM
-    data.lens = camera.fx * SENSOR_WIDTH_MM / camera.width
-    data.shift_x = 0.5 - camera.cx / camera.width
-    # Both shifts are in units of the width; rows are fx / fy wide pixels high.
-    data.shift_y = (camera.cy - 0.5 * camera.height) * (camera.fx / camera.fy) / camera.width
+    data.lens, data.shift_x, data.shift_y = _blender_lens(camera)
     data[_LENS_KEY] = [camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy]
     camera_object.matrix_world = object_pose(camera.world_from_camera).T.tolist()
 
@@ -53,6 +50,15 @@ def set_camera(camera_object: bpy.types.Object, camera: Camera) -> None:
 def has_lens(candidate: bpy.types.Object | None) -> bool:
     """Whether this is a camera made by ``create_camera``."""
     return candidate is not None and candidate.type == "CAMERA" and _LENS_KEY in candidate.data
+
+
+def keeps_lens(camera_object: bpy.types.Object) -> bool:
+    """Whether the lens of an object made by ``create_camera`` is as it was made: a person may zoom with it."""
+    data = camera_object.data
+    if data.type != "PERSP" or data.sensor_fit != "HORIZONTAL":
+        return False
+    now = (data.lens, data.shift_x, data.shift_y, data.sensor_width)
+    return np.allclose(now, (*_blender_lens(camera_of(camera_object)), SENSOR_WIDTH_MM), rtol=1e-5, atol=1e-6)
 
 
 def camera_of(camera_object: bpy.types.Object) -> Camera:
@@ -69,6 +75,16 @@ def camera_of(camera_object: bpy.types.Object) -> Camera:
     width, height, fx, fy, cx, cy = camera_object.data[_LENS_KEY]
     pose = rigid(np.array(camera_object.matrix_world)) @ _BLENDER_FROM_OPENCV
     return Camera(int(width), int(height), fx, fy, cx, cy, pose)
+
+
+def _blender_lens(camera: Camera) -> tuple[float, float, float]:
+    """Blender's focal length, and its shifts."""
+    return (
+        camera.fx * SENSOR_WIDTH_MM / camera.width,
+        0.5 - camera.cx / camera.width,
+        # Both shifts are in units of the width; rows are fx / fy wide pixels high.
+        (camera.cy - 0.5 * camera.height) * (camera.fx / camera.fy) / camera.width,
+    )
 
 
 def rigid(pose: np.ndarray) -> np.ndarray:

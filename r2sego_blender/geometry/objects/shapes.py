@@ -20,7 +20,7 @@ from ..mesh.meshes import compacted, merged, normals_and_areas
 from .surface_distance import SurfaceGrid
 
 _MOST_LIBRARY_FILES, _MOST_LIBRARY_BYTES = 10_000, 20 << 30
-_NO_LIBRARY = "Give the meshes' folder, or withdraw it: `r2sego objects --no-library`, in Blender the cross beside it."
+_NO_LIBRARY = "Give the folder of the meshes, or withdraw it: with `objects --no-library`, or in Blender beside it."
 
 _DETAILS = (1 / 20, 1 / 45, 1 / 400)  # of the diagonal: vertices nearer than this are drawn as one
 _SAME_DIRECTION = np.cos(np.radians(12.0))
