@@ -18,6 +18,7 @@ from capture_lasso import lasso_through
 from enabled_addon import enabled_addon
 
 from r2sego_blender.commands.scripts import run_script
+from r2sego_blender.splats.formats.registry import MENU
 
 
 def main(arguments: list[str]) -> int:
@@ -31,7 +32,9 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--fainter", type=float, metavar="SHARE", help="delete what is less opaque")
     parser.add_argument("--name", default="", help="what the deletion is called")
     parser.add_argument("--restore", metavar="NAME", help="bring the splats of a deletion back")
-    parser.add_argument("--format", default=".spz", help="suffix of the asset's file")
+    parser.add_argument(
+        "--format", default=".spz", choices=[suffix for suffix, *_ in MENU], help="suffix of the asset's file"
+    )
     options = parser.parse_args(arguments)
     with enabled_addon():
         _clean(options)
@@ -40,6 +43,7 @@ def main(arguments: list[str]) -> int:
 
 def _clean(options: argparse.Namespace) -> None:
     r2sego = bpy.ops.r2sego
+    options.to.mkdir(parents=True, exist_ok=True)  # before anything is deleted
     r2sego.open_scene(directory=str(options.scene.absolute()))
     r2sego.import_captures(points=False)
     scene, group = bpy.context.scene, bpy.context.scene.r2sego_asset
@@ -59,7 +63,6 @@ def _clean(options: argparse.Namespace) -> None:
     r2sego.compare_photograph(side="LEFT")
     r2sego.render_asset(camera=scene.camera.name, stage=options.round, place="RIGHT")
     r2sego.move_wipe(factor=0.5)  # seen where there is a window
-    options.to.mkdir(parents=True, exist_ok=True)
     picture = group.wipe_right
     picture.save(filepath=str(options.to.absolute() / "asset.png"))
     print(f"{picture.name}: {picture.size[0]} x {picture.size[1]}, beside {group.wipe_left.name}")

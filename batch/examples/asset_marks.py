@@ -13,7 +13,7 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from enabled_addon import enabled_addon
+from enabled_addon import enabled_addon, require_in_range
 
 from r2sego_blender.commands.scripts import run_script
 
@@ -66,6 +66,7 @@ def main(arguments: list[str]) -> int:
 
 def floaters(**limits) -> int:
     """Mark what floats by these limits; how many splats are marked then."""
+    require_in_range("mark_floaters", **limits)
     with contextlib.suppress(RuntimeError):  # none does
         bpy.ops.r2sego.mark_floaters(**limits)
     return bpy.context.scene.r2sego_asset.marked

@@ -1,4 +1,5 @@
-"""What the example scripts share: this checkout on the path, and the operators, installed or of it."""
+"""What the example scripts share: this checkout on the path, the operators, installed or of it, and the
+ranges of their numbers."""
 
 import contextlib
 import importlib.util
@@ -7,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
@@ -32,6 +34,17 @@ def enabled_addon() -> Iterator[None]:
     finally:
         if addon is not None:
             addon.unregister()
+
+
+def require_in_range(name: str, **given) -> None:
+    """Raise SceneError for a number outside of what the operator of this name takes, which Blender would move
+    into its range without a word."""
+    known = getattr(bpy.ops.r2sego, name).get_rna_type().properties
+    for what, value in given.items():
+        if what in known and known[what].type in {"INT", "FLOAT"} and isinstance(value, (int, float)):
+            low, high = known[what].hard_min, known[what].hard_max
+            if not low <= np.float32(value) <= high:
+                raise SceneError(f"{what} is {value:g}", where=name, cure=f"It lies from {low:g} to {high:g}.")
 
 
 def _checkout():

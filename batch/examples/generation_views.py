@@ -14,7 +14,7 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from enabled_addon import enabled_addon
+from enabled_addon import enabled_addon, require_in_range
 
 from r2sego_blender.commands.scripts import run_script
 from r2sego_blender.core.errors import SceneError
@@ -29,7 +29,7 @@ def main(arguments: list[str]) -> int:
     for decision in ("accept", "reject", "undecided"):
         parser.add_argument(f"--{decision}", type=int, action="append", default=[], metavar="K")
     parser.add_argument("--render", action="store_true", help="render the asset from the views first")
-    parser.add_argument("--conditions", type=int, metavar="PERCENT", help="render them along each clip's path")
+    parser.add_argument("--conditions", type=int, metavar="PERCENT", help="render them along the first clip's path")
     parser.add_argument("--truth", type=Path, help="cameras.json with frozen views to stand beside")
     options = parser.parse_args(arguments)
     with enabled_addon():
@@ -64,8 +64,9 @@ def show(options: argparse.Namespace) -> None:
         image.save()
         print(f"{image.filepath_raw}: {', '.join(image['parts'])}")
     if with_clips:
-        if options.conditions:
+        if options.conditions is not None:
             folder = options.to.absolute() / "conditions"
+            require_in_range("render_conditions", scale=options.conditions)
             r2sego.render_conditions(view=with_clips[0], directory=str(folder), scale=options.conditions)
             print(f"{folder}: {len(list(folder.glob('*.exr')))} frames")
         r2sego.show_camera_path(view=with_clips[0])

@@ -18,7 +18,7 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from enabled_addon import enabled_addon
+from enabled_addon import enabled_addon, require_in_range
 
 from r2sego_blender.commands.scripts import run_script
 from r2sego_blender.core.errors import SceneError
@@ -46,6 +46,7 @@ def main(arguments: list[str]) -> int:
         for name, properties in calls(options.buttons):
             if options.select and options.select in bpy.data.objects:
                 bpy.context.view_layer.objects.active = bpy.data.objects[options.select]
+            require_in_range(name, **properties)
             done = getattr(bpy.ops.r2sego, name)(**properties)
             print(f"{name}: {', '.join(done).lower()}")
         if options.save is not None:

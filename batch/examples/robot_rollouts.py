@@ -17,7 +17,7 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from enabled_addon import enabled_addon
+from enabled_addon import enabled_addon, require_in_range
 
 from r2sego_blender.commands.scripts import numbers, run_script
 
@@ -71,6 +71,7 @@ def declare(options: argparse.Namespace) -> None:
         ops.set_mount(mount="OWN", pitch="DRAWN", pitch_low=low, pitch_high=high)
     if options.weights:
         walk_to, look_around = options.weights
+        require_in_range("set_behaviours", walk_to=walk_to, look_around=look_around)
         ops.set_behaviours(walk_to=walk_to, look_around=look_around)
     if options.target:
         ops.pick_target(target=options.target)
@@ -79,6 +80,7 @@ def declare(options: argparse.Namespace) -> None:
     elif options.region:
         ops.draw_region(polygon=options.region)
     if options.clearance is not None:
+        require_in_range("set_clearance", clearance=options.clearance)
         ops.set_clearance(clearance=options.clearance)
     ops.inspect_robot(seats=options.seats)
     for fact in scene.r2sego.facts:
@@ -92,6 +94,7 @@ def play(options: argparse.Namespace) -> None:
     """Try some attempts where asked to, list them all, and show one, or all that succeeded."""
     ops, robot = bpy.ops.r2sego, bpy.context.scene.r2sego_robot
     if options.trial:
+        require_in_range("try_rollouts", attempts=options.trial)
         ops.try_rollouts(attempts=options.trial)
     trial = robot.source == "TRIAL"
     for one in robot.attempts:

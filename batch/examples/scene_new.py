@@ -12,7 +12,7 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from enabled_addon import enabled_addon
+from enabled_addon import enabled_addon, require_in_range
 
 from r2sego_blender.commands.scripts import run_script
 
@@ -40,9 +40,10 @@ def main(arguments: list[str]) -> int:
         ("marker_side", "MARKER"),
         ("known_length", "KNOWN_LENGTH"),
     ):
-        given |= {choice: value, "scale": kind} if (value := getattr(options, choice)) else {}
+        given |= {choice: value, "scale": kind} if (value := getattr(options, choice)) is not None else {}
     given |= {"depth": str(options.depth.absolute()), "scale": "DEPTH"} if options.depth else {}
     with enabled_addon():
+        require_in_range("new_scene", **given)
         bpy.ops.r2sego.new_scene(**given)
         for fact in bpy.context.scene.r2sego.facts:
             print(f"{fact.section}, {fact.label}: {fact.value}")

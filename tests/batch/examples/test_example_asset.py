@@ -58,6 +58,16 @@ def test_a_box_is_deleted_rendered_written_and_restored(run, bundle_path, tmp_pa
     assert load_edits(bundle_path / "asset_edits") == ()
 
 
+@pytest.mark.parametrize("wrong", ["format", "folder"])
+def test_nothing_is_deleted_where_the_asset_could_not_be_written_then(run, bundle_path, tmp_path, wrong):
+    before = (bundle_path / "asset.ply").read_bytes()
+    if wrong == "folder":
+        (tmp_path / "out").write_text("a file")
+    done = run("--delete", "-0.5", "-0.5", "0.2", "0.5", "0.5", "2", *(["--format", ".xyz"] * (wrong == "format")))
+    assert done.returncode != 0 and "Traceback" not in done.stderr
+    assert (bundle_path / "asset.ply").read_bytes() == before
+
+
 def test_a_round_is_shown_with_a_lasso_and_a_selection(run, bundle_path):
     done = run("--round", "0", "--lasso", "1.8", "--fainter", "0.35", "--format", ".ply")
     assert done.returncode == 0, done.stderr

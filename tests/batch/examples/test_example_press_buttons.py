@@ -44,6 +44,12 @@ def test_what_is_no_operator_is_said(bundle_path, blender_environment):
     assert "there is no operator 'show_everything'" in done.stderr and "Traceback" not in done.stderr
 
 
+def test_a_number_that_blender_would_move_into_its_range_is_refused(bundle_path, blender_environment):
+    done = run(blender_environment, bundle_path, "set_clearance", "clearance=-1")
+    assert done.returncode == 1
+    assert "clearance is -1" in done.stderr and "Traceback" not in done.stderr
+
+
 def test_every_operator_is_listed_with_what_it_does(blender_environment):
     done = run(blender_environment, "--list")
     assert done.returncode == 0, done.stderr

@@ -43,6 +43,19 @@ def test_the_depth_maps_that_are_chosen_are_looked_for(blender_environment, phot
     assert done.returncode == 1 and f"{depth}: there is no such folder" in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("option", "metres"),
+    [("--camera-height", -2), ("--camera-height", 0), ("--camera-height", 150), ("--marker-side", 15)],
+)
+def test_a_length_that_blender_would_move_into_its_range_is_refused(
+    blender_environment, photographs, tmp_path, option, metres
+):
+    done = run(blender_environment, tmp_path / "a.r2s", "--captures", photographs, option, metres)
+    assert done.returncode == 1
+    assert f"{option[2:].replace('-', '_')} is {metres}" in done.stderr and "Traceback" not in done.stderr
+    assert not (tmp_path / "a.r2s").exists()
+
+
 @pytest.mark.slow
 def test_a_bundle_is_made_as_the_command_does(blender_environment, photographs, tmp_path):
     poses = json.loads((ROOM / "cameras.json").read_text())
