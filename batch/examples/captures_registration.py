@@ -16,7 +16,7 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from enabled_addon import enabled_addon
+from enabled_addon import enabled_addon, require_in_range
 
 from r2sego_blender.captures.frame.picks import Picks
 from r2sego_blender.captures.frame.picks_fit import in_centimetres
@@ -78,8 +78,10 @@ def pick(picks: dict) -> None:
         for view in point["views"]:
             r2sego.pick_point(point=point["name"], floor=point.get("floor", False), **view)
     for length in picks.get("lengths", ()):
+        require_in_range("add_length", metres=length["metres"])
         r2sego.add_length(start=length["from"], end=length["to"], metres=length["metres"])
     for height in picks.get("camera_heights", ()):
+        require_in_range("new_scene", camera_height=height["metres"])  # the same range
         shown.height_capture, shown.camera_height = height["capture"], height["metres"]
         shown.use_camera_height = True
 

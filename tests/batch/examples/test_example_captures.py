@@ -57,3 +57,15 @@ def test_what_cannot_be_is_told_in_one_line(bundle_path, blender_environment):
     done = run(blender_environment, bundle_path, "--undo")
     assert done.returncode == 1
     assert "no correction to take back" in done.stderr and "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("metres", [1811.0, -1.0])
+def test_a_measure_that_blender_would_move_into_its_range_is_refused(bundle_path, blender_environment, picks, metres):
+    """As in millimetres."""
+    told = json.loads(picks.read_text())
+    told["lengths"][0]["metres"] = metres
+    picks.write_text(json.dumps(told))
+    before = (bundle_path / "scene.toml").read_text()
+    done = run(blender_environment, bundle_path, "--picks", picks, "--correct")
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert (bundle_path / "scene.toml").read_text() == before
