@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 from bpy.props import CollectionProperty, StringProperty
 
-from ...r2sego_blender.captures.poses.dropped_files import ARCHIVES, PHOTOGRAPHS, VIDEOS, capture_files
+from ...r2sego_blender.captures.poses.dropped_files import ARCHIVES, PHOTOGRAPHS, VIDEOS, capture_files, taken_besides
 from ...r2sego_blender.core.errors import R2SEgoError
 from ...r2sego_blender.results.panels.bundle import SUFFIX
 from ..base import needs_idle_engine, needs_own_scene, told
@@ -51,10 +51,14 @@ class R2SEGO_OT_new_scene_from_files(bpy.types.Operator):
         """New Scene with what was dropped filled in: asked for with a window, made without."""
         try:
             folder = Path(bpy.path.abspath(self.directory)).absolute()
-            found = capture_files([folder / one.name for one in self.files if one.name] or [folder], SUFFIX)
+            dropped = [folder / one.name for one in self.files if one.name]
+            found = capture_files(dropped or [folder], SUFFIX)
+            more = taken_besides(dropped, found.photographs)
         except (R2SEgoError, OSError) as error:
             self.report({"ERROR"}, told(error))
             return {"CANCELLED"}
+        if more:
+            self.report({"WARNING"}, more)
         given = {
             "filepath": self.scene or str(found.scene),
             "captures": "" if found.photographs is None else str(found.photographs),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...core.errors import CaptureError
-from .registry import PHOTOGRAPHS, find_recording, has_photographs, is_part, is_pose_file, poses_beside
+from .registry import PHOTOGRAPHS, find_recording, has_photographs, is_part, is_photograph, is_pose_file, poses_beside
 
 VIDEOS = (".mov", ".mp4", ".m4v", ".avi", ".mkv", ".webm", ".3gp")
 """Suffixes of videos, in small letters."""
@@ -75,6 +75,17 @@ def capture_files(dropped: Sequence[Path], suffix: str) -> CaptureFiles:
     while room.name.lower() in _WITHIN_ROOMS and room.parent != room:
         room = room.parent
     return CaptureFiles(photographs, poses, room.parent / ((room.name or "room") + suffix))
+
+
+def taken_besides(dropped: Sequence[Path], photographs: Path | None) -> str:
+    """A sentence where the folder has more ``photographs`` than were dropped of it, '' else: it is taken as a whole."""
+    chosen = {Path(one) for one in dropped if is_photograph(Path(one)) and Path(one).parent == photographs}
+    if photographs is None or not chosen:
+        return ""
+    there = sum(map(is_photograph, photographs.iterdir()))
+    if there <= len(chosen):
+        return ""
+    return f"All {there} photographs in {photographs.name} are taken, not only the {len(chosen)} dropped"
 
 
 def _recording_of(path: Path) -> Path | None:

@@ -111,9 +111,12 @@ def poses_unpacked(folder: Path) -> Path | None:
 
 def has_photographs(folder: Path) -> bool:
     """Whether photographs lie straight in a folder, by their names."""
-    return folder.is_dir() and any(
-        file.suffix.lower() in PHOTOGRAPHS and not file.name.startswith(".") for file in folder.iterdir()
-    )
+    return folder.is_dir() and any(map(is_photograph, folder.iterdir()))
+
+
+def is_photograph(file: Path) -> bool:
+    """Whether a file is a photograph, by its name."""
+    return file.suffix.lower() in PHOTOGRAPHS and not file.name.startswith(".")
 
 
 def _files_first() -> Sequence[PoseFormat]:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from expected_errors import refused
 
-from r2sego_blender.captures.poses.dropped_files import PHOTOGRAPHS, capture_files
+from r2sego_blender.captures.poses.dropped_files import PHOTOGRAPHS, capture_files, taken_besides
 from r2sego_blender.core.errors import CaptureError
 from r2sego_blender.core.images import SUFFIXES
 
@@ -89,3 +89,13 @@ def test_photographs_of_two_folders_are_refused(room):
 
 def test_all_photographs_that_the_engine_reads_can_be_dropped():
     assert set(PHOTOGRAPHS) == SUFFIXES
+
+
+@pytest.mark.parametrize(("dropped", "told"), [(1, True), (2, True), (3, False), (0, False)])
+def test_photographs_of_a_folder_that_were_not_dropped_are_told(tmp_path, dropped, told):
+    files = [tmp_path / name for name in ("a.jpg", "b.PNG", "c.jpeg")]
+    for file in (*files, tmp_path / "notes.txt", tmp_path / "._a.jpg"):
+        file.write_bytes(b"")
+    found = capture_files(files[:dropped] or [tmp_path], ".r2s")
+    said = taken_besides(files[:dropped], found.photographs)
+    assert bool(said) == told and (not told or ("3" in said and str(dropped) in said))
