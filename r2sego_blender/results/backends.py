@@ -12,15 +12,17 @@ from typing import Any
 
 from ..core.errors import MachineError
 from ..workers.learned_backends import LEARNED_BACKENDS, LearnedBackend
-from ..workers.library_path import external_variables
+from ..workers.library_path import LEAVE_WORKING_FOLDER, external_variables
 from ..workers.protocol.program_worker import library_command
 
 NOT_TOLD = "not measured"
 """What stands for a figure that neither its authors tell nor anybody measured here."""
 
-_FIND = (
-    "import importlib.util, json, sys; print(json.dumps([bool(importlib.util.find_spec(one)) for one in sys.argv[1:]]))"
-)
+_FIND = f"""\
+{LEAVE_WORKING_FOLDER}
+import importlib.util, json
+print(json.dumps([bool(importlib.util.find_spec(one)) for one in sys.argv[1:]]))
+"""
 _ANSWER_S = 60.0
 
 

@@ -11,19 +11,19 @@ from pathlib import Path
 
 LIBRARY = Path(__file__).resolve().parents[1]
 
+LEAVE_WORKING_FOLDER = "import sys\nsys.path[:] = [place for place in sys.path if place]\n"
+"""Python's words that leave the working folder unsearched: ``sys`` itself is looked for nowhere."""
+
 IMPORT_LIBRARY = f"""\
-import importlib.util, sys
-sys.path[:] = [place for place in sys.path if place]
+{LEAVE_WORKING_FOLDER}
+import importlib.util
 spec = importlib.util.spec_from_file_location(
     {LIBRARY.name!r}, {str(LIBRARY / "__init__.py")!r}, submodule_search_locations=[{str(LIBRARY)!r}]
 )
 sys.modules[spec.name] = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(sys.modules[spec.name])
 """
-"""Python's words that import this library as ``r2sego_blender`` and nothing else.
-
-They also leave the working folder unsearched.
-"""
+"""Python's words that import this library as ``r2sego_blender`` and nothing else, from no working folder."""
 
 _SAFE_PATH, _OURS = "PYTHONSAFEPATH", "r2sego"  # Python asks no more than that it holds something
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from r2sego_blender.results import backends
 from r2sego_blender.workers import library_path
 from r2sego_blender.workers.engine import engine_environment
 
@@ -94,3 +95,12 @@ def test_external_programs_find_modules_beside_themselves(monkeypatch):
     monkeypatch.setenv("PYTHONSAFEPATH", "1")  # the person's own word
     library_path.leave_working_folder_unsearched()
     assert library_path.external_variables()["PYTHONSAFEPATH"] == "1"
+
+
+@pytest.mark.parametrize("words", [library_path.IMPORT_LIBRARY, backends._FIND], ids=["import", "find"])
+def test_another_python_runs_no_module_of_the_working_folder(tmp_path, words):
+    for name in ("importlib", "json", "sys"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit(7)\n")
+    variables = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"}
+    command = [sys.executable, "-S", "-c", words, "json"]  # -S: else the site's own files may have loaded importlib
+    assert subprocess.run(command, cwd=tmp_path, env=variables, stdout=subprocess.DEVNULL).returncode == 0
