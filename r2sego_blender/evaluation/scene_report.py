@@ -20,7 +20,7 @@ from ..generation.conditions.condition_files import load_conditions
 from ..generation.view_effects import ViewEffect, effects_of_round
 from ..generation.view_records import ViewRecord, read_views
 from ..geometry.proxy.proxy import PROXY, GeometryProxy, Provenance
-from ..results.status import robot_in_use, scores_hold
+from ..results.status import robot_in_use, scores_hold, without_folders
 from ..robot.rollouts.rollout import ROLLOUTS
 from ..views.selection import SELECTION, Selection
 from . import view_influence
@@ -103,8 +103,8 @@ def write_scene_report(
                 ("Captures", declared.captures_source),
                 ("Ground", declared.ground),
                 ("Scale", declared.scale_source),
-                ("Robot", robot_in_use(scene)),
-                ("Behaviour scope", declared.scope),
+                ("Robot", without_folders(robot_in_use(scene))),
+                ("Behaviour scope", without_folders(declared.scope)),
                 ("Preset", declared.preset),
                 ("Seed", str(declared.settings.seed)),
                 *([("Held-out views", frozen_poses)] if frozen_poses else []),

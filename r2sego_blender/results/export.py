@@ -17,6 +17,7 @@ from ..captures.registered_views import REGISTERED_VIEWS
 from ..core.atomic_files import remove, rename
 from ..core.errors import AssetError, R2SEgoError, SceneError
 from ..core.json_files import write_json
+from ..core.printable import printable
 from ..core.progress import SILENT, Progress
 from ..core.scratch import keeping, scratch_place
 from ..core.text_files import write_text
@@ -31,7 +32,7 @@ from .consumers.consumer import ExportedRoom
 from .consumers.registry import CONSUMERS
 from .plan import parts_outdated
 from .spawn_poses import spawn_poses_of
-from .status import robot_in_use
+from .status import robot_in_use, without_folders
 from .texture import textured_room
 from .usd_stage import ROOM_USDA, write_room_stage
 
@@ -258,7 +259,7 @@ def _about(scene: Scene, names: Sequence[str], rounds: int, others: Sequence[str
         "Metres, right-handed, Z up but for files said to be Y up. z = 0 is the floor, the first",
         "photograph's camera is above the origin, and x is its heading.",
         f"Ground: {declared.ground}. Scale: {declared.scale_source}.",
-        f"{chosen} the robot {robot_in_use(scene)} in the scope {declared.scope}.",
+        f"{chosen} the robot {without_folders(robot_in_use(scene))} in the scope {without_folders(declared.scope)}.",
         *[f"Not of one piece: {_outdated_in_words(outdated)}."] * bool(outdated),
         "",
     ]
@@ -276,7 +277,7 @@ def _about(scene: Scene, names: Sequence[str], rounds: int, others: Sequence[str
         "What may be done with these files is for those to say whose photographs they were made of,",
         "and for the terms of each program and model named above that is not embedded.",
     ]
-    return "\n".join(lines) + "\n"
+    return "\n".join(printable(line) for line in lines) + "\n"
 
 
 def _backends_of_objects(scene: Scene) -> Iterator[str]:

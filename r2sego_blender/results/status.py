@@ -8,6 +8,7 @@ import os
 import shlex
 import subprocess
 from collections.abc import Iterator, Sequence
+from pathlib import Path, PureWindowsPath
 from typing import Any
 
 from ..bundle.damage import damaged_results
@@ -120,6 +121,12 @@ def robot_in_use(scene: Scene) -> str:
         own, _ = BehaviourScope.load(declared.scope).robot_for(declared.robot)
         return scene.name_of(own)
     return declared.robot
+
+
+def without_folders(named: str) -> str:
+    """A robot's or a scope's name as it is told to whom results are handed on: folders are the person's own affair."""
+    path = PureWindowsPath(named)
+    return path.name if path.is_absolute() or Path(named).is_absolute() else named
 
 
 def _counted_rounds(scene: Scene) -> Iterator[int]:

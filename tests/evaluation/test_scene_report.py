@@ -38,6 +38,11 @@ def test_the_robot_is_the_one_in_use(scene):
     assert "embedded:wheeled" in page and "embedded:humanoid" not in page
 
 
+def test_whom_a_page_is_handed_on_to_learns_no_folders(scene, tmp_path):
+    page = write_scene_report(scene).read_text(encoding="utf-8")
+    assert "scope.toml" in page and str(tmp_path) not in page
+
+
 def _made(scene, text):
     Runner(scene).step("asset.ply", lambda file: file.write_text(text), parameters=text)
 

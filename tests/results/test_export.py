@@ -127,7 +127,9 @@ def test_where_the_robot_may_begin_is_exported_too(scene, tmp_path):
     told = json.loads((tmp_path / "out" / "spawn_poses.json").read_text())
     places = np.array([pose["xy_m"] for pose in told["poses"]])
     assert len(places) > 4 and (np.abs(places) < 1.01).all() and np.linalg.norm(places, axis=1).min() > 0.3
-    assert "spawn_poses.json" in (tmp_path / "out" / ABOUT).read_text()
+    about = (tmp_path / "out" / ABOUT).read_text()
+    assert "spawn_poses.json" in about
+    assert "in the scope scope.toml" in about and str(tmp_path) not in about  # who it is handed on to
 
 
 def test_where_it_may_not_begin_anywhere_is_a_word_and_the_export_stands(scene, tmp_path):
