@@ -1,5 +1,8 @@
 """Which faces a box and a lasso mean, and which pixels a drawn mask takes."""
 
+import struct
+import zlib
+
 import numpy as np
 import pytest
 
@@ -7,13 +10,15 @@ pytest.importorskip("bpy", reason="pip bpy is not installed")
 
 import bpy
 
-from r2sego_blender.bridge.proxy.object_masks import drawn_region
+from r2sego_blender.bridge.proxy.object_masks import drawn_region, known_masks
 from r2sego_blender.bridge.proxy.proxy_edits import faces_in_lasso, world_triangles
 from r2sego_blender.bridge.proxy.show_proxy import show_proxy
 from r2sego_blender.bridge.robot.scope_outline import outline_of
 from r2sego_blender.bridge.shared.simplified_viewport import draw_fewer_faces
+from r2sego_blender.bundle.layout import mask_stems
 from r2sego_blender.core.cameras import Camera, look_at
-from r2sego_blender.core.errors import SceneError
+from r2sego_blender.core.errors import GeometryError, SceneError
+from r2sego_blender.core.resources import forget_peak_memory, peak_memory_mb
 from r2sego_blender.splats.regions import in_polygon
 
 
@@ -91,3 +96,21 @@ def test_a_lasso_holds_what_is_drawn_within_it(corners, parallel):
         towards = normal @ (camera.forward if parallel else middle - camera.centre) < 0
         assert both[k] == inside and found[k] == (inside and towards)
     assert 0 < found.sum() < both.sum()
+
+
+def test_a_mask_of_a_billion_pixels_is_refused_before_blender_loads_it(bundle):
+    masks = bundle.path / "objects" / "chair" / "masks"
+    masks.mkdir(parents=True)
+    side, packer = 30_000, zlib.compressobj(1)
+    pixels = b"".join(packer.compress(bytes(side // 8 + 1)) for _ in range(side)) + packer.flush()
+    parts = ((b"IHDR", struct.pack(">2I5B", side, side, 1, 0, 0, 0, 0)), (b"IDAT", pixels), (b"IEND", b""))
+    chunks = [
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in parts
+    ]
+    (stem,) = mask_stems([bundle.captures()[0].name])
+    (masks / f"{stem}.png").write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunks))
+    forget_peak_memory()
+    before_mb = peak_memory_mb() or 0.0
+    with pytest.raises(GeometryError, match="pixels"):
+        known_masks(bundle, "chair")
+    assert (peak_memory_mb() or 0.0) - before_mb < 200.0
