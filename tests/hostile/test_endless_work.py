@@ -16,6 +16,7 @@ from PIL import Image
 
 from r2sego_blender.captures.archives import unpack
 from r2sego_blender.captures.poses.finding import find_photographs
+from r2sego_blender.captures.poses.plain_folder import plain_photographs
 from r2sego_blender.captures.poses.ply_points import read_ply_points
 from r2sego_blender.config.declared_files import parse_toml
 from r2sego_blender.core.arrays import arrays_of
@@ -99,6 +100,15 @@ def names_of_poses(tmp_path: Path) -> None:
     find_photographs([f"a{index}.png" for index in range(3000)], (tmp_path,), "transforms.json", SILENT)
 
 
+def photographs_among_depth_maps(tmp_path: Path) -> None:
+    for kind, mode in enumerate(("L", "I;16")):
+        made = io.BytesIO()
+        Image.new(mode, (8, 6)).save(made, "PNG")
+        for index in range(2000):
+            (tmp_path / f"{index:04d}_{kind}.png").write_bytes(made.getvalue())
+    plain_photographs(tmp_path, SILENT)
+
+
 @pytest.mark.parametrize(
     "read",
     [
@@ -112,8 +122,9 @@ def names_of_poses(tmp_path: Path) -> None:
         declaration('x = "' + "\\" * 120_001),
         package,
         names_of_poses,
+        photographs_among_depth_maps,
     ],
-    ids=["JPEG", "zip", "zip's comment", "NPZ", "text", "lines", "raw", "strokes", "package.xml", "names"],
+    ids=["JPEG", "zip", "zip's comment", "NPZ", "text", "lines", "raw", "strokes", "package.xml", "names", "maps"],
 )
 def test_work_without_end_is_refused(tmp_path, read):
     begun_s = time.process_time()

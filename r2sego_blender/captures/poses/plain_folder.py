@@ -50,20 +50,23 @@ def plain_photographs(folder: Path, progress: Progress) -> list[Path]:
 
 def _without_depth_maps(paths: Sequence[Path]) -> tuple[list[Path], list[Path]]:
     """The photographs and the depth maps beside them; alone such pictures are photographs."""
-    maps = [path for path in paths if is_depth_map(path)]
-    return ([path for path in paths if path not in maps], maps) if len(maps) < len(paths) else (maps, [])
+    maps: list[Path] = []
+    others: list[Path] = []
+    for path in paths:
+        (maps if is_depth_map(path) else others).append(path)
+    return (others, maps) if others else (maps, [])
 
 
 def _distinct(paths: Sequence[Path]) -> tuple[list[Path], list[Path]]:
     """The files without those of the same bytes as one before, and these."""
     known: set[bytes] = set()
-    found: list[Path] = []
-    copies: list[Path] = []
+    copies: set[Path] = set()
     for path in sorted(paths, key=lambda path: (len(path.name), path.name)):  # "IMG_1 (1).jpg" is the copy
         digest = hashlib.sha256(path.read_bytes()).digest()
-        (copies if digest in known else found).append(path)
+        if digest in known:
+            copies.add(path)
         known.add(digest)
-    return [path for path in paths if path in found], sorted(copies, key=_NAME)
+    return [path for path in paths if path not in copies], sorted(copies, key=_NAME)
 
 
 def _passed_over(folder: Path, found: Sequence[Path]) -> list[Path]:
