@@ -24,7 +24,8 @@ from .frames import is_frame
 JOURNAL = "journal.jsonl"
 """The file in the bundle."""
 
-_MOST_BYTES = 64 << 20
+_MOST_BYTES, _MOST_LINES = 64 << 20, 1 << 16
+"""A refinement writes some dozens of lines, of half a kilobyte each; they are read again and again."""
 
 
 class Journal:
@@ -70,12 +71,14 @@ class Journal:
     def _records(self) -> list[dict[str, Any]]:
         records = []
         try:
-            lines = read_bytes(self.file, _MOST_BYTES).decode(errors="replace").splitlines()
+            content = read_bytes(self.file, _MOST_BYTES)
+            if content.count(b"\n") > _MOST_LINES:
+                raise ValueError(f"it has more than {_MOST_LINES} lines")
         except FileNotFoundError:
             return []
         except ValueError as error:
             raise SceneError(f"this is no journal: {error}", where=self.file, cure="Remove the file.") from error
-        for line in lines:
+        for line in content.decode(errors="replace").split("\n"):
             with contextlib.suppress(ValueError):
                 records.append(parse_json(line))
         return [record for record in records if _is_record(record)]

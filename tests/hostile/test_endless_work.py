@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from r2sego_blender.bundle.journal import Journal
 from r2sego_blender.captures.archives import unpack
 from r2sego_blender.captures.poses.finding import find_photographs
 from r2sego_blender.captures.poses.plain_folder import plain_photographs
@@ -25,6 +26,7 @@ from r2sego_blender.core.images import load_image, stored_values
 from r2sego_blender.core.progress import SILENT
 from r2sego_blender.evaluation.figures import save_figure
 from r2sego_blender.robot.model.robot_file import gather_robot
+from r2sego_blender.trials.records.index import RecordIndex
 
 MOST_S = 2.0  # of the processor; each took from ten seconds to hours
 SIDE = 2048
@@ -109,6 +111,15 @@ def photographs_among_depth_maps(tmp_path: Path) -> None:
     plain_photographs(tmp_path, SILENT)
 
 
+def lines(file: str, read: Callable[[Path], object]) -> Callable[[Path], None]:
+    def written(tmp_path: Path) -> None:
+        (tmp_path / file).parent.mkdir(exist_ok=True)
+        (tmp_path / file).write_text('{"step": 1}\n' * 1_000_000)
+        read(tmp_path)
+
+    return written
+
+
 @pytest.mark.parametrize(
     "read",
     [
@@ -123,8 +134,24 @@ def photographs_among_depth_maps(tmp_path: Path) -> None:
         package,
         names_of_poses,
         photographs_among_depth_maps,
+        lines("journal.jsonl", lambda folder: Journal(folder).steps()),
+        lines("records/index.jsonl", lambda folder: RecordIndex(folder).entries()),
     ],
-    ids=["JPEG", "zip", "zip's comment", "NPZ", "text", "lines", "raw", "strokes", "package.xml", "names", "maps"],
+    ids=[
+        "JPEG",
+        "zip",
+        "zip's comment",
+        "NPZ",
+        "text",
+        "lines",
+        "raw",
+        "strokes",
+        "package.xml",
+        "names",
+        "maps",
+        "journal",
+        "index",
+    ],
 )
 def test_work_without_end_is_refused(tmp_path, read):
     begun_s = time.process_time()

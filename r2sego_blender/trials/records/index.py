@@ -30,6 +30,7 @@ INDEX_FILE = "index.jsonl"
 
 _NAME = re.compile(r"([0-9]{4,9})\.mcap")
 _MOST_BYTES, _MOST_RECORDS, _MOST_LINES, _LONGEST = 16 << 20, 1_000_000, 100, 100
+_MOST_LINES_IN_ALL = 1 << 16  # a record has three
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,10 @@ class RecordIndex:
 
     def _lines(self) -> list[str]:
         try:
-            return read_bytes(self.file, _MOST_BYTES).decode(errors="replace").split("\n")
+            content = read_bytes(self.file, _MOST_BYTES)
+            if content.count(b"\n") > _MOST_LINES_IN_ALL:
+                raise ValueError(f"it has more than {_MOST_LINES_IN_ALL} lines")
+            return content.decode(errors="replace").split("\n")
         except FileNotFoundError:
             return []
         except (OSError, ValueError) as error:
