@@ -11,7 +11,7 @@ import click
 
 from ..bundle.reading import read_beside_jobs
 from ..bundle.scene import Scene
-from ..config.presets import PRESETS, with_overrides
+from ..config.presets import PRESETS, differing, of_captures, with_overrides
 from ..core.atomic_files import is_replacing
 from ..workers.cancelling import cancel_at_once
 from .options import ANY_PATH, Output, names_of, output_options, overrides_of, scale_of, scale_options, settings_option
@@ -128,10 +128,10 @@ def refine(scene: Path, preset: str | None, overrides: tuple[str, ...], rounds: 
     """
     opened = Scene.open(scene)
     changes = overrides_of(overrides) | ({} if rounds is None else {"rounds": rounds})
-    if made_with := [key for key in changes if key.startswith("captures.")]:
-        said = f"{', '.join(made_with)}: counts for `r2sego new`; the captures stay"
-        output.progress.message(said, "warning")
-        with_overrides({key: changes.pop(key) for key in made_with})  # refused, not declared: others made the captures
+    declared, asked = opened.declaration.settings, of_captures(changes)
+    if others := differing(with_overrides(asked, declared), declared):  # not those that they were made with
+        output.progress.message(f"{', '.join(others)}: counts for `r2sego new`; the captures stay", "warning")
+    changes = {key: value for key, value in changes.items() if key not in asked}
     refine_and_tell(opened, preset, changes, output)
 
 

@@ -175,6 +175,14 @@ def test_refine_says_which_settings_came_too_late(tmp_path, key, warned):
     assert (key in Scene.open(scene.path).declaration.overrides) != warned
 
 
+def test_refine_says_nothing_of_settings_that_the_captures_were_made_with(tmp_path):
+    """Blender gives all that are declared, each time."""
+    scene = bundle(tmp_path).declare(overrides={"captures.max_side_px": "320"})
+    done = r2sego("refine", scene.path, "--preset", "preview", "--set", "captures.max_side_px=320")
+    assert "the captures stay" not in done.stderr
+    assert dict(Scene.open(scene.path).declaration.overrides) == {"captures.max_side_px": "320"}
+
+
 def test_every_command_refuses_a_bundle_of_another_version(tmp_path):
     scene = bundle(tmp_path)
     declared = scene.path / "scene.toml"
