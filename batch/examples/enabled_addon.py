@@ -36,7 +36,7 @@ def enabled_addon() -> Iterator[None]:
             addon.unregister()
 
 
-def require_in_range(name: str, **given) -> None:
+def require_in_range(name: str, /, **given) -> None:
     """Raise SceneError for a number outside of what the operator of this name takes, which Blender would move
     into its range without a word."""
     known = getattr(bpy.ops.r2sego, name).get_rna_type().properties
