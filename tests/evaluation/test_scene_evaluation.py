@@ -205,6 +205,7 @@ def test_the_status_tells_rounds_and_the_largest_cause():
         "rounds": [],
         "rounds_declared": 3,
         "outdated": [],
+        "obstacle": "",
         "refined": True,
         "of_old_frame": [],
         "damaged": [],
