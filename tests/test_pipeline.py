@@ -30,7 +30,7 @@ from r2sego_blender.geometry.proxy.proxy import GeometryProxy
 from r2sego_blender.pipeline import refine
 from r2sego_blender.refine.creation import create_scene
 from r2sego_blender.results.export import export_scene
-from r2sego_blender.results.plan import obstacle, parts_outdated, plan_refinement
+from r2sego_blender.results.plan import outlook, parts_outdated, plan_refinement
 from r2sego_blender.results.status import describe, lines
 from r2sego_blender.splats.formats.ply import load_ply
 from r2sego_blender.splats.rendering.rasterizer import render
@@ -329,10 +329,10 @@ def test_what_would_be_made_anew_is_not_called_of_one_piece(small_room, tmp_path
 
 def test_a_photograph_that_is_gone_is_told_before_the_next_refine(small_room, tmp_path):
     scene = Scene.open(shutil.copytree(small_room.path, tmp_path / "copy.r2s"))
-    assert obstacle(scene) == ""
+    assert outlook(scene) == ([], "")
     gone = next((scene.captures_folder / "images").iterdir())
     gone.unlink()
-    state = describe(scene, obstacle=obstacle(scene))
+    state = describe(scene, True, *outlook(scene))
     assert str(gone) in state["obstacle"] and any(str(gone) in line for line in lines(state))
 
 

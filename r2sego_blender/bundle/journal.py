@@ -18,7 +18,7 @@ from ..core.atomic_files import write_whole
 from ..core.errors import SceneError
 from ..core.json_files import parse_json
 from ..core.printable import printable
-from ..core.text_files import read_bytes
+from ..core.text_files import read_lines
 from .frames import is_frame
 
 JOURNAL = "journal.jsonl"
@@ -71,14 +71,12 @@ class Journal:
     def _records(self) -> list[dict[str, Any]]:
         records = []
         try:
-            content = read_bytes(self.file, _MOST_BYTES)
-            if content.count(b"\n") > _MOST_LINES:
-                raise ValueError(f"it has more than {_MOST_LINES} lines")
+            lines = read_lines(self.file, _MOST_BYTES, _MOST_LINES)
         except FileNotFoundError:
             return []
         except ValueError as error:
             raise SceneError(f"this is no journal: {error}", where=self.file, cure="Remove the file.") from error
-        for line in content.decode(errors="replace").split("\n"):
+        for line in lines:
             with contextlib.suppress(ValueError):
                 records.append(parse_json(line))
         return [record for record in records if _is_record(record)]

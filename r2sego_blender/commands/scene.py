@@ -148,11 +148,11 @@ def refine_and_tell(opened: Scene, preset: str | None, changes: Mapping[str, Any
 @output_options("--json")
 def status(scene: Path, output: Output) -> None:
     """Say what SCENE holds and how far it has come."""
-    from ..results.plan import obstacle, parts_outdated
+    from ..results.plan import outlook
     from ..results.status import describe, lines
 
     def state_of(opened: Scene) -> dict[str, Any]:
-        return describe(opened, True, parts_outdated(opened), obstacle(opened))
+        return describe(opened, True, *outlook(opened))
 
     output.show(read_beside_jobs(scene, state_of), lines)
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Iterable
+from pathlib import Path
 
 _PORTS = {f"{port}{number}" for port in ("com", "lpt") for number in range(1, 10)}
 _DEVICES = {"con", "prn", "aux", "nul"} | _PORTS
@@ -19,3 +21,11 @@ def plain_name(name: str) -> str:
 def caseless(name: str) -> str:
     """The name as it is compared with others that may be of other case, or of Unicode's decomposed form."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
+
+
+def by_stem(files: Iterable[Path]) -> dict[str, list[Path]]:
+    """The files by their ``caseless`` stems, in their order."""
+    found: dict[str, list[Path]] = {}
+    for file in files:
+        found.setdefault(caseless(file.stem), []).append(file)
+    return found

@@ -59,7 +59,7 @@ _PNG_CHUNKS = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
 _PNG = b"\x89PNG\r\n\x1a\n"
 _TIFF_WIDTH, _TIFF_HEIGHT, _TIFF_BITS, _TIFF_PHOTOMETRIC, _TIFF_PLANAR = 256, 257, 258, 262, 284
 _WHITE_IS_ZERO, _PLANES = 0, 2
-_JPEG = b"\xff\xd8\xff"
+_JPEG, _JPEG_FORMATS = b"\xff\xd8\xff", ("JPEG", "MPO")  # of the latter a phone's with a second picture
 _JPEG_MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])")
 _START_OF_SCAN, _END_OF_IMAGE = 0xDA, 0xD9
 _MOST_SCANS, _MOST_SEGMENTS = 200, 4096
@@ -96,7 +96,8 @@ def load_image(path: Path) -> np.ndarray:
 def load_image_uint8(path: Path) -> np.ndarray:
     """The image as (H, W, 3) uint8 sRGB; otherwise as ``load_image``."""
     with opened_image(path) as image:
-        _require_few_scans(read_bytes(path, MOST_FILE_BYTES))
+        if image.format in _JPEG_FORMATS:
+            _require_few_scans(read_bytes(path, MOST_FILE_BYTES))
         ImageOps.exif_transpose(image, in_place=True)
         return np.asarray(_srgb(image, path))
 

@@ -47,6 +47,17 @@ def read_text(file: Path, most_bytes: int) -> str:
     return read_bytes(file, most_bytes).decode("utf-8-sig")
 
 
+def read_lines(file: Path, most_bytes: int, most_lines: int) -> list[str]:
+    """The lines of a file that may be cut off anywhere, or hold what is no UTF-8.
+
+    Raises as ``read_bytes``, and ValueError for more lines: they take many times their bytes.
+    """
+    content = read_bytes(file, most_bytes)
+    if content.count(b"\n") > most_lines:
+        raise ValueError(f"it has more than {most_lines} lines")
+    return content.decode(errors="replace").split("\n")
+
+
 def open_zip(stream: IO[bytes], most_list_bytes: int) -> zipfile.ZipFile:
     """The archive in ``stream``. Raises ``zipfile.BadZipFile`` for none, and for a list of files of more bytes.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -46,23 +45,20 @@ def plan_refinement(scene: Scene) -> tuple[PlannedStep, ...]:
 def parts_outdated(scene: Scene) -> list[str]:
     """What people call the parts that are there and that the next refinement would do again.
 
-    None where the plan cannot be made: see ``obstacle``.
+    None where the plan cannot be made: ``outlook`` says why.
     """
-    there: list[PlannedStep] = []
-    if scene.recorded():
-        with contextlib.suppress(R2SEgoError):
-            there = [step for step in plan_refinement(scene) if (scene.path / step.target).exists()]
-    redone: list[str] = describe_plan(there)["redone"]
-    return redone
+    return outlook(scene)[0] if scene.recorded() else []
 
 
-def obstacle(scene: Scene) -> str:
-    """Why the next refinement would not begin, as for a robot or a photograph that is gone; "" where it would."""
+def outlook(scene: Scene) -> tuple[list[str], str]:
+    """As ``parts_outdated``, and why the next refinement would not begin, as for a robot or a photograph that is gone;
+    "" where it would."""
     try:
-        plan_refinement(scene)
+        steps = plan_refinement(scene)
     except R2SEgoError as error:
-        return str(error)
-    return ""
+        return [], str(error)
+    there = [step for step in steps if (scene.path / step.target).exists()] if scene.recorded() else []
+    return describe_plan(there)["redone"], ""
 
 
 def describe_plan(steps: Sequence[PlannedStep], half_corrected: bool = False) -> dict[str, Any]:

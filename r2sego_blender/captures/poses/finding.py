@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 
 from ...core.errors import CaptureError
-from ...core.file_names import caseless
+from ...core.file_names import by_stem, caseless
 from ...core.images import HEIC, SUFFIXES, image_files
 from ...core.printable import printable
 from ...core.progress import Progress
@@ -26,10 +26,7 @@ are not there."""
 
 def images_by_stem(folder: Path) -> Mapping[str, Sequence[Path]]:
     """The images straight inside ``folder``."""
-    found: dict[str, list[Path]] = {}
-    for path in image_files(folder):
-        found.setdefault(caseless(path.stem), []).append(path)
-    return found
+    return by_stem(image_files(folder))
 
 
 def find_photograph(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import math
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +10,11 @@ import numpy as np
 
 from ...core.errors import CaptureError
 from ...core.text_files import read_bytes
+from ...splats.harmonics import SH_BAND_0
 
 _GREY = 128
 _MOST_BYTES = 1 << 30
 _HARMONICS = ("f_dc_0", "f_dc_1", "f_dc_2")
-_SH_BAND_0 = 0.5 / math.sqrt(math.pi)
 
 
 def read_ply_points(path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -49,7 +48,7 @@ def _of_splats(cloud: Any) -> np.ndarray | None:
     if not isinstance(vertices, np.ndarray) or not set(_HARMONICS) <= set(vertices.dtype.names or ()):
         return None
     coefficients = np.stack([vertices[name] for name in _HARMONICS], axis=1).astype(np.float64)
-    shades = np.nan_to_num(255.0 * (0.5 + _SH_BAND_0 * coefficients), nan=_GREY)
+    shades = np.nan_to_num(255.0 * (0.5 + SH_BAND_0 * coefficients), nan=_GREY)
     return np.rint(shades).clip(0, 255).astype(np.uint8)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from ...bundle.layout import mask_stems
 from ...core.arrays import arrays_of, load_array
 from ...core.errors import CaptureError, NativeError
-from ...core.file_names import caseless
+from ...core.file_names import by_stem, caseless
 from ...core.image_sizes import require_sensible_size
 from ...core.images import stored_values
 from ...core.resources import limit_memory
@@ -66,7 +66,8 @@ class SensorDepth:
 
     def require_maps_of(self, names: Sequence[str]) -> None:
         """Raises CaptureError where the folder has maps of fewer than two of the photographs of these names."""
-        found = sum(_named(self.folder, stem, _SUFFIXES) is not None for stem in mask_stems(names).values())
+        maps = _maps_by_stem(self.folder, _SUFFIXES)
+        found = sum(_one_of(maps, self.folder, stem) is not None for stem in mask_stems(names).values())
         if found < 2:
             raise CaptureError(
                 f"it has depth maps of {found} of {len(names)} photographs",
@@ -120,13 +121,21 @@ class SensorDepth:
 
 
 def _named(folder: Path, stem: str, suffixes: tuple[str, ...]) -> Path | None:
-    """The file of this name with one of the suffixes, else of one that differs in case or in how Unicode composes it.
+    """The file of this name with one of the suffixes; as ``_one_of``."""
+    return _one_of(_maps_by_stem(folder, suffixes), folder, stem)
+
+
+def _maps_by_stem(folder: Path, suffixes: tuple[str, ...]) -> Mapping[str, Sequence[Path]]:
+    """What has one of the suffixes in a folder."""
+    return by_stem(path for path in folder.iterdir() if path.suffix.lower() in suffixes)
+
+
+def _one_of(files: Mapping[str, Sequence[Path]], folder: Path, stem: str) -> Path | None:
+    """The file of this name, else of one that differs in case or in how Unicode composes it.
 
     Raises CaptureError where there are several: a model's program writes a picture to look at beside each map.
     """
-    own = caseless(stem)
-    files = [path for path in folder.iterdir() if caseless(path.stem) == own and path.suffix.lower() in suffixes]
-    alike = sorted(path for path in files if path.is_file())
+    alike = sorted(path for path in files.get(caseless(stem), ()) if path.is_file())
     found = [path for path in alike if path.stem == stem] or alike
     if len(found) > 1:
         raise CaptureError(

@@ -12,9 +12,10 @@ from ...core.errors import AssetError
 from ...splats.asset import LARGEST, usable
 from ...splats.formats.ply import LOG_SCALE_OF_0, LOGIT_OF_1
 from ...splats.formats.ply_vertices import read_vertices
+from ...splats.harmonics import SH_BAND_0
 from ...splats.quaternions import of_usable_length
 
-_SH_BAND_0 = np.float32(0.28209479177387814)
+_SH_BAND_0 = np.float32(SH_BAND_0)
 _THIN = np.float32(np.log(1000.0))
 _MIX = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
 

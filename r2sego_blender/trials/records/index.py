@@ -18,7 +18,7 @@ from typing import Any
 from ...core.appended_lines import append_line
 from ...core.errors import TrialError
 from ...core.json_files import parse_json
-from ...core.text_files import read_bytes
+from ...core.text_files import read_lines
 from ..outcome import Judgement, Outcome, Unusable
 from .judgement_values import judgement_of, judgement_values
 
@@ -127,10 +127,7 @@ class RecordIndex:
 
     def _lines(self) -> list[str]:
         try:
-            content = read_bytes(self.file, _MOST_BYTES)
-            if content.count(b"\n") > _MOST_LINES_IN_ALL:
-                raise ValueError(f"it has more than {_MOST_LINES_IN_ALL} lines")
-            return content.decode(errors="replace").split("\n")
+            return read_lines(self.file, _MOST_BYTES, _MOST_LINES_IN_ALL)
         except FileNotFoundError:
             return []
         except (OSError, ValueError) as error:
