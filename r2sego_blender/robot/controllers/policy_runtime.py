@@ -19,6 +19,7 @@ from ...core.text_files import read_bytes
 from .policy_layout import PolicyLayout
 from .policy_networks import ONNX, TORCHSCRIPT, Evaluate, PolicyRefusedError
 from .policy_worker import PolicyFailedError, PolicyWorker
+from .torchscript_archive import require_whole
 
 MOST_BYTES = 512 << 20
 """The largest file of a policy that is read, bytes."""
@@ -82,6 +83,11 @@ class PolicyFile:
         self.path, self._layout = Path(path), layout
         content = read_policy(self.path)
         kind = TORCHSCRIPT if is_program(self.path) else ONNX
+        if kind == TORCHSCRIPT:
+            try:
+                require_whole(content, MOST_BYTES)
+            except ValueError as error:
+                raise self._error(f"this is no TorchScript file: {error}", "Export it with torch.jit.save.") from error
         try:
             self._worker = PolicyWorker(kind, content, layout.observation_size, layout.where)
         except PolicyFailedError as error:
