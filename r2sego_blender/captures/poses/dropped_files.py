@@ -78,14 +78,21 @@ def capture_files(dropped: Sequence[Path], suffix: str) -> CaptureFiles:
 
 
 def taken_besides(dropped: Sequence[Path], photographs: Path | None) -> str:
-    """A sentence where the folder has more ``photographs`` than were dropped of it, '' else: it is taken as a whole."""
-    chosen = {Path(one) for one in dropped if is_photograph(Path(one)) and Path(one).parent == photographs}
-    if photographs is None or not chosen:
+    """A sentence where what a scene begins with is not what was dropped, '' else.
+
+    A folder is taken as a whole, with more ``photographs`` than were dropped of it; a video or zip is taken alone.
+    """
+    if photographs is None or not photographs.is_dir() or find_recording(photographs) is not None:
         return ""
-    there = sum(map(is_photograph, photographs.iterdir()))
-    if there <= len(chosen):
-        return ""
-    return f"All {there} photographs in {photographs.name} are taken, not only the {len(chosen)} dropped"
+    paths = [Path(one) for one in dropped]
+    said = []
+    if left := [path.name for path in paths if path.suffix.lower() in (*VIDEOS, *ARCHIVES)]:
+        said.append(f"Left out: {', '.join(left)}, which is taken when it is dropped alone")
+    chosen = {path for path in paths if is_photograph(path) and path.parent == photographs}
+    there = sum(map(is_photograph, photographs.iterdir())) if chosen else 0
+    if there > len(chosen):
+        said.append(f"All {there} photographs in {photographs.name} are taken, not only the {len(chosen)} dropped")
+    return ". ".join(said)
 
 
 def _recording_of(path: Path) -> Path | None:

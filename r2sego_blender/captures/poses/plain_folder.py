@@ -33,7 +33,7 @@ def plain_photographs(folder: Path, progress: Progress) -> list[Path]:
         require_name(path.name, folder)
     require_readable(files)  # an empty file is told now, not after those before it were worked on
     files, maps = _without_depth_maps(files)
-    found, copies = _distinct(files)
+    found, copies = distinct_photographs(files)
     passed = _passed_over(folder, found)
     if len(found) < MIN_CAPTURES:
         raise _too_few(folder, len(found), copies, passed)
@@ -57,8 +57,8 @@ def _without_depth_maps(paths: Sequence[Path]) -> tuple[list[Path], list[Path]]:
     return (others, maps) if others else (maps, [])
 
 
-def _distinct(paths: Sequence[Path]) -> tuple[list[Path], list[Path]]:
-    """The files without those of the same bytes as one before, and these."""
+def distinct_photographs(paths: Sequence[Path]) -> tuple[list[Path], list[Path]]:
+    """The files without those of the same bytes as one of a shorter name, and these, by name."""
     known: set[bytes] = set()
     copies: set[Path] = set()
     for path in sorted(paths, key=lambda path: (len(path.name), path.name)):  # "IMG_1 (1).jpg" is the copy

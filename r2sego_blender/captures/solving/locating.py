@@ -22,7 +22,8 @@ from ..capture import Capture
 from ..matching.detection import sift_each
 from ..matching.features import Features, match
 from ..matching.xfeat import LEAST_EXPECTED, match_xfeat
-from ..poses.photographs import upright_size
+from ..poses.photographs import listed, upright_size
+from ..poses.plain_folder import distinct_photographs
 from ..sparse_points import SparsePoints
 from .pnp import PoseEstimate, estimate_pose
 
@@ -88,12 +89,14 @@ def locate_views(
     """The photographs in ``folder``, posed in the world frame of the captures.
 
     They must come from the captures' camera at the same zoom: its lens is used. A
-    photograph that cannot be located is left out with a warning. Raises CaptureError when
+    photograph that cannot be located, and a copy of one, is left out with a warning. Raises CaptureError when
     none can, or a photograph has another shape than every capture.
     """
-    paths = image_files(folder) if folder.is_dir() else []
+    paths, copies = distinct_photographs(image_files(folder) if folder.is_dir() else [])
     if not paths:
         raise CaptureError("there are no photographs", where=folder, cure="Give a folder of photographs.")
+    if copies:
+        progress.message(f"{listed(copies)}: the same photograph again, left out", level="warning")
     known = landmarks(captures, sparse, settings, depths, progress)
     views = [_unposed(path, captures) for path in paths]
     detected = _features(views, settings, progress, "Locating photographs: features")

@@ -99,3 +99,15 @@ def test_photographs_of_a_folder_that_were_not_dropped_are_told(tmp_path, droppe
     found = capture_files(files[:dropped] or [tmp_path], ".r2s")
     said = taken_besides(files[:dropped], found.photographs)
     assert bool(said) == told and (not told or ("3" in said and str(dropped) in said))
+
+
+@pytest.mark.parametrize("left", ["walk.MP4", "more.zip"])
+def test_a_video_or_zip_dropped_with_photographs_is_told_as_left_out(tmp_path, left):
+    files = [tmp_path / name for name in ("a.jpg", "b.jpg", "c.jpg", left)]
+    for file in files:
+        file.write_bytes(b"")
+    found = capture_files(files, ".r2s")
+    assert found.photographs == tmp_path and left in taken_besides(files, found.photographs)
+    assert taken_besides(files[:3], found.photographs) == ""
+    alone = capture_files(files[3:], ".r2s")
+    assert alone.photographs == files[3] and taken_besides(files[3:], alone.photographs) == ""
