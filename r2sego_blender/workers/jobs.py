@@ -276,7 +276,7 @@ class Job:
         if status != 0 or self._error:
             words = self.words()
             last = words[-1] if words else self._last_line or f"exit status {status}"
-            text = self._error or last.removeprefix(f"{COMMAND_NAME}: ")
+            text = self._error or last.removeprefix(f"{COMMAND_NAME}: ").removeprefix("Error: ")  # Click's
             raise EngineError(text.rstrip(". "))
         if self._result is None and _TELLS_RESULT in self.command:
             raise EngineError(

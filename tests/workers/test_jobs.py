@@ -138,6 +138,7 @@ def test_much_output_does_not_block(start):
         ("sys.exit(3)", "exit status 3"),
         pytest.param("os.kill(os.getpid(), signal.SIGKILL)", "exit status -9", marks=not_on_windows),
         ("raise ImportError('no torch')", "no torch"),
+        ("sys.exit('Error: No such option: --x')", "^No such option: --x"),
     ],
 )
 def test_a_failure_is_told_in_the_engines_words(start, body, words):
