@@ -131,7 +131,7 @@ class BlendingGenerator:
             condition.depth,
             pose,
             np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32),
-            *self._photographs,
+            self._photographs,
             settings.best_captures,
             np.float32(settings.depth_tolerance),
             np.float32(settings.border_px),
@@ -174,13 +174,100 @@ def _catmull_rom(f):
     )
 
 
+@inlined
+def _penalty(point, ray, z, fx, photographs, j, tolerance, border_px):
+    """How little capture ``j`` tells of a point, and where it shows it, pixels; infinite where it does not.
+
+    ``point`` lies at depth ``z`` on the target's ``ray``, a direction and its length; ``fx`` is the target's.
+    """
+    x, y, w = point
+    dx, dy, dz, length = ray
+    nothing = (np.float32(np.inf), np.float32(0.0), np.float32(0.0))
+    pose, lens = photographs.pose[j], photographs.lens[j]
+    cz = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * w + pose[2, 3]
+    if cz <= NEAR_M:
+        return nothing
+    cx = pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * w + pose[0, 3]
+    cy = pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * w + pose[1, 3]
+    u = cx / cz * lens[0] + lens[2]
+    v = cy / cz * lens[1] + lens[3]
+    wide, high = photographs.size[j, 0], photographs.size[j, 1]
+    if not (u > 0.0 and v > 0.0 and u < wide and v < high):
+        return nothing
+    pixel = photographs.start[j] + np.int64(v) * wide + np.int64(u)
+    trust = photographs.trust[pixel]
+    apart = abs(photographs.depth[pixel] - cz) / (tolerance * cz + PROXY_ROUGHNESS_M)
+    if trust <= 0.0 or apart > 1.0:
+        return nothing
+    if border_px > 0.0:
+        margin = min(min(u, wide - u), min(v, high - v))
+        trust *= min(max(margin / border_px, np.float32(0.02)), np.float32(1.0))
+    centre = photographs.centre[j]
+    ox, oy, oz = x - centre[0], y - centre[1], w - centre[2]
+    far = np.sqrt(ox * ox + oy * oy + oz * oz)
+    cosine = (ox * dx + oy * dy + oz * dz) / (far * length)
+    angle = np.sqrt(max(np.float32(2.0) * (np.float32(1.0) - cosine), np.float32(0.0)))
+    coarse = max(cz * fx / (z * lens[0]) - np.float32(1.0), np.float32(0.0))
+    penalty = angle + _COARSENESS_PENALTY * coarse + _DEPTH_PENALTY * apart + _SMALLEST_PENALTY
+    return penalty / trust, u, v
+
+
+@inlined
+def _read_bicubically(photographs, j, u, v, colour):
+    """Write the colour (3,) of capture ``j`` at a place in pixels."""
+    wide, high = photographs.size[j, 0], photographs.size[j, 1]
+    a = min(max(u - np.float32(0.5), np.float32(0.0)), np.float32(wide - 1))
+    b = min(max(v - np.float32(0.5), np.float32(0.0)), np.float32(high - 1))
+    a0, b0 = min(np.int64(a), wide - 2), min(np.int64(b), high - 2)
+    across, down = _catmull_rom(a - np.float32(a0)), _catmull_rom(b - np.float32(b0))
+    for c in range(3):
+        colour[c] = np.float32(0.0)
+    for i in range(4):
+        line = photographs.start[j] + min(max(b0 + i - 1, 0), high - 1) * wide
+        for m in range(4):
+            share = down[i] * across[m]
+            pixel = line + min(max(a0 + m - 1, 0), wide - 1)
+            for c in range(3):
+                colour[c] += share * photographs.colour[pixel, c]
+
+
+@inlined
+def _mean_of_agreeing(colour, share_of, used, mean):
+    """Write the mean (3,) of so many colours (n, 3) by their shares, less of those that show another than the rest.
+
+    Returns how far they spread around it.
+    """
+    together = np.float32(0.0)
+    for k in range(used):
+        together += share_of[k]
+    total = np.float32(0.0)
+    for k in range(used):
+        agreed = np.float32(0.0)
+        for i in range(used):
+            gap = np.float32(0.0)
+            for c in range(3):
+                d = colour[k, c] - colour[i, c]
+                gap += d * d
+            agreed += share_of[i] / (np.float32(1.0) + gap / (_DISSENT * _DISSENT))
+        agreed /= together
+        weight = share_of[k] * agreed * agreed
+        total += weight
+        for c in range(3):
+            mean[c] += weight * colour[k, c]
+    for c in range(3):
+        mean[c] /= total
+    spread = np.float32(0.0)
+    for k in range(used):
+        for c in range(3):
+            d = colour[k, c] - mean[c]
+            spread += d * d / (3 * used)
+    return spread
+
+
 @parallel_kernel
-def _blend(
-    depth, pose, lens, poses, centres, lenses, sizes, starts, colours, depths, trusts, best, tolerance, border_px
-):
+def _blend(depth, pose, lens, photographs, best, tolerance, border_px):
     """(H, W, 3) float32 colour and (H, W) float32 confidence, 0 where no capture sees."""
     height, width = depth.shape
-    captures = len(starts)
     image = np.zeros((height, width, 3), np.float32)
     confidence = np.zeros((height, width), np.float32)
     for row in prange(height):
@@ -199,38 +286,14 @@ def _blend(
             dx = pose[0, 0] * rx + pose[0, 1] * ry + pose[0, 2]
             dy = pose[1, 0] * rx + pose[1, 1] * ry + pose[1, 2]
             dz = pose[2, 0] * rx + pose[2, 1] * ry + pose[2, 2]
-            x, y, w = pose[0, 3] + z * dx, pose[1, 3] + z * dy, pose[2, 3] + z * dz
-            length = np.sqrt(dx * dx + dy * dy + dz * dz)
+            point = (pose[0, 3] + z * dx, pose[1, 3] + z * dy, pose[2, 3] + z * dz)
+            ray = (dx, dy, dz, np.sqrt(dx * dx + dy * dy + dz * dz))
             found = 0
-            for j in range(captures):
-                cz = poses[j, 2, 0] * x + poses[j, 2, 1] * y + poses[j, 2, 2] * w + poses[j, 2, 3]
-                if cz <= NEAR_M:
+            for j in range(len(photographs.start)):
+                p, u, v = _penalty(point, ray, z, lens[0], photographs, j, tolerance, border_px)
+                if not p < np.inf or (found > best and p >= penalty[best]):
                     continue
-                cx = poses[j, 0, 0] * x + poses[j, 0, 1] * y + poses[j, 0, 2] * w + poses[j, 0, 3]
-                cy = poses[j, 1, 0] * x + poses[j, 1, 1] * y + poses[j, 1, 2] * w + poses[j, 1, 3]
-                u = cx / cz * lenses[j, 0] + lenses[j, 2]
-                v = cy / cz * lenses[j, 1] + lenses[j, 3]
-                wide, high = sizes[j, 0], sizes[j, 1]
-                if not (u > 0.0 and v > 0.0 and u < wide and v < high):
-                    continue
-                pixel = starts[j] + np.int64(v) * wide + np.int64(u)
-                trust = trusts[pixel]
-                apart = abs(depths[pixel] - cz) / (tolerance * cz + PROXY_ROUGHNESS_M)
-                if trust <= 0.0 or apart > 1.0:
-                    continue
-                if border_px > 0.0:
-                    margin = min(min(u, wide - u), min(v, high - v))
-                    trust *= min(max(margin / border_px, np.float32(0.02)), np.float32(1.0))
-                ox, oy, oz = x - centres[j, 0], y - centres[j, 1], w - centres[j, 2]
-                far = np.sqrt(ox * ox + oy * oy + oz * oz)
-                cosine = (ox * dx + oy * dy + oz * dz) / (far * length)
-                angle = np.sqrt(max(np.float32(2.0) * (np.float32(1.0) - cosine), np.float32(0.0)))
-                coarse = max(cz * lens[0] / (z * lenses[j, 0]) - np.float32(1.0), np.float32(0.0))
-                p = angle + _COARSENESS_PENALTY * coarse + _DEPTH_PENALTY * apart + _SMALLEST_PENALTY
-                p /= trust
                 position = min(found, best)
-                if found > best and p >= penalty[best]:
-                    continue
                 while position > 0 and penalty[position - 1] > p:
                     penalty[position] = penalty[position - 1]
                     which[position] = which[position - 1]
@@ -243,49 +306,13 @@ def _blend(
             if found == 0:
                 continue
             used = min(found, best)
-            together = np.float32(0.0)
             for k in range(used):
-                j = which[k]
-                wide, high = sizes[j, 0], sizes[j, 1]
-                a = min(max(place[k, 0] - np.float32(0.5), np.float32(0.0)), np.float32(wide - 1))
-                b = min(max(place[k, 1] - np.float32(0.5), np.float32(0.0)), np.float32(high - 1))
-                a0, b0 = min(np.int64(a), wide - 2), min(np.int64(b), high - 2)
-                across, down = _catmull_rom(a - np.float32(a0)), _catmull_rom(b - np.float32(b0))
+                _read_bicubically(photographs, which[k], place[k, 0], place[k, 1], colour[k])
                 share_of[k] = np.float32(1.0) / penalty[k]
                 if found > best:
                     share_of[k] -= np.float32(1.0) / penalty[best]
                 share_of[k] += _SMALLEST_WEIGHT
-                together += share_of[k]
-                for c in range(3):
-                    colour[k, c] = np.float32(0.0)
-                for i in range(4):
-                    line = starts[j] + min(max(b0 + i - 1, 0), high - 1) * wide
-                    for m in range(4):
-                        share = down[i] * across[m]
-                        pixel = line + min(max(a0 + m - 1, 0), wide - 1)
-                        for c in range(3):
-                            colour[k, c] += share * colours[pixel, c]
-            total = np.float32(0.0)
-            for k in range(used):
-                agreed = np.float32(0.0)
-                for i in range(used):
-                    gap = np.float32(0.0)
-                    for c in range(3):
-                        d = colour[k, c] - colour[i, c]
-                        gap += d * d
-                    agreed += share_of[i] / (np.float32(1.0) + gap / (_DISSENT * _DISSENT))
-                agreed /= together
-                weight = share_of[k] * agreed * agreed
-                total += weight
-                for c in range(3):
-                    image[row, column, c] += weight * colour[k, c]
-            for c in range(3):
-                image[row, column, c] /= total
-            spread = np.float32(0.0)
-            for k in range(used):
-                for c in range(3):
-                    d = colour[k, c] - image[row, column, c]
-                    spread += d * d / (3 * used)
+            spread = _mean_of_agreeing(colour, share_of, used, image[row, column])
             trusted = np.exp(-penalty[0] - spread / (_DISAGREEMENT * _DISAGREEMENT))
             confidence[row, column] = max(trusted, _SMALLEST_WEIGHT)  # 0 means unseen
     return image, confidence
