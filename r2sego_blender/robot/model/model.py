@@ -110,12 +110,7 @@ class RobotModel:
         """
         source = str(source)
         model, bounded_links = compiled_robot(source)
-        for table, most in _TABLES.items():
-            values = getattr(model, table)
-            if not np.isfinite(values).all():
-                raise RobotError(f"{table} is not finite", where=source, cure="Correct the file.")
-            if np.abs(values).max(initial=0.0) > most:
-                raise RobotError(f"{table} is beyond {most:g}", where=source, cure="Give metres, kilograms, radians.")
+        _refuse_wild_numbers(model, source)
         base = _free_base(model, source)
         _refuse_balls(model, source)
         geoms = colliding(model)
@@ -130,14 +125,7 @@ class RobotModel:
         # Arms of a wheeled robot hang lowest of all its limbs, and are no legs.
         legs = () if len(wheels) >= 2 else find_legs(model, base, declared)
         if len(wheels) < 2 and len(legs) < 2:
-            reasons = no_wheels(model, base, declared)
-            why = "".join(f"; '{name}' is no wheel: {reason}" for name, reason in islice(reasons.items(), _TOLD_HINGES))
-            raise RobotError(
-                f"the robot has {len(legs)} legs and {len(wheels)} driven wheels{why}",
-                where=source,
-                cure="Give one with two legs of three hinges or more, or with two driven wheels, endless hinges "
-                "with a cylinder, a sphere or a round mesh.",
-            )
+            raise _cannot_move(source, len(legs), len(wheels), no_wheels(model, base, declared))
         in_legs = {joint for leg in legs for joint in leg.joints}
         waist = [
             joint
@@ -298,6 +286,26 @@ def _free_base(model: mujoco.MjModel, source: str) -> int:
             cure="Give one robot whose first body has the only free joint.",
         )
     return int(model.jnt_bodyid[free[0]])
+
+
+def _refuse_wild_numbers(model: mujoco.MjModel, source: str) -> None:
+    for table, most in _TABLES.items():
+        values = getattr(model, table)
+        if not np.isfinite(values).all():
+            raise RobotError(f"{table} is not finite", where=source, cure="Correct the file.")
+        if np.abs(values).max(initial=0.0) > most:
+            raise RobotError(f"{table} is beyond {most:g}", where=source, cure="Give metres, kilograms, radians.")
+
+
+def _cannot_move(source: str, legs: int, wheels: int, no_wheels: Mapping[str, str]) -> RobotError:
+    """For so many legs and wheels; ``no_wheels`` says of hinges by their names why they are none."""
+    why = "".join(f"; '{name}' is no wheel: {reason}" for name, reason in islice(no_wheels.items(), _TOLD_HINGES))
+    return RobotError(
+        f"the robot has {legs} legs and {wheels} driven wheels{why}",
+        where=source,
+        cure="Give one with two legs of three hinges or more, or with two driven wheels, endless hinges "
+        "with a cylinder, a sphere or a round mesh.",
+    )
 
 
 def _refuse_balls(model: mujoco.MjModel, source: str) -> None:
