@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -155,13 +155,7 @@ def _moved(
     number = len(history)
     points = sparse.transformed(similarity)
     moved = [capture.transformed(similarity) for capture in captures]
-    farthest = max(
-        float(np.abs(each).max(initial=0.0)) for each in (points.points, *(one.camera.centre for one in moved))
-    )
-    if not farthest <= FARTHEST_M:
-        raise CaptureError(
-            f"a point would lie {farthest:.0e} m away", where="the new scale", cure="Give the scale of a room."
-        )
+    _require_room_sized(points, moved)
     # Read before anything is written: what is damaged is named by its place in the scene.
     scene.read(OBJECTS).of(captures)
     scene.read(PROXY_EDITS)
@@ -170,12 +164,12 @@ def _moved(
     own_scope = (scene.path / SCOPE_FILE).absolute()
     scope = moved_scope(given, similarity, own_scope)
     with scene.corrected() as new:
+        measured = scene.read(SENSOR_DEPTH)
+        found = {capture.name: measured.found(captures, index) for index, capture in enumerate(captures)}
+        of_sensor = {name: one.transformed(similarity) for name, one in found.items() if one is not None}
         with new.publishing(layout.CAPTURES) as folder:
             # What others keep there, such as masks, does not depend on the frame.
             shutil.copytree(scene.captures_folder, folder, dirs_exist_ok=True)
-            measured = scene.read(SENSOR_DEPTH)
-            found = {capture.name: measured.found(captures, index) for index, capture in enumerate(captures)}
-            of_sensor = {name: one.transformed(similarity) for name, one in found.items() if one is not None}
             save_captures(folder, moved, points, of_sensor)
         for edited in layout.EDITED:
             if (scene.path / edited).is_dir():
@@ -194,12 +188,7 @@ def _moved(
         else:
             made = _changed(scene.path, new.path)
             history.append(_remembered(_registration(scene), similarity, made))
-        with new.publishing(layout.BEFORE_CORRECTIONS) as folder:
-            for earlier in range(number):
-                if (scene.path / layout.BEFORE_CORRECTIONS / str(earlier)).is_dir():
-                    shutil.copytree(scene.path / layout.BEFORE_CORRECTIONS / str(earlier), folder / str(earlier))
-            for name in made:
-                _copy(scene.path / name, folder / str(number) / name)
+        _keep_what_was_before(scene, new, number, made)
         with new.publishing(layout.CORRECTIONS) as file:
             write_json(file, history)
         with new.publishing(layout.GROUND_PICTURES) as folder:
@@ -211,6 +200,26 @@ def _moved(
             scale_source=after.scale_source,
         )
     return Scene.open(scene.path)
+
+
+def _require_room_sized(points: SparsePoints, captures: Sequence[Capture]) -> None:
+    places = (points.points, *(one.camera.centre for one in captures))
+    farthest = max(float(np.abs(each).max(initial=0.0)) for each in places)
+    if not farthest <= FARTHEST_M:
+        raise CaptureError(
+            f"a point would lie {farthest:.0e} m away", where="the new scale", cure="Give the scale of a room."
+        )
+
+
+def _keep_what_was_before(scene: Scene, new: Scene, number: int, made: Iterable[str]) -> None:
+    """In ``new``, what so many earlier corrections replaced, and what this one does, ``made`` by their names."""
+    kept = scene.path / layout.BEFORE_CORRECTIONS
+    with new.publishing(layout.BEFORE_CORRECTIONS) as folder:
+        for earlier in range(number):
+            if (kept / str(earlier)).is_dir():
+                shutil.copytree(kept / str(earlier), folder / str(earlier))
+        for name in made:
+            _copy(scene.path / name, folder / str(number) / name)
 
 
 def _remembered(before: Registration, similarity: np.ndarray, made: Mapping[str, str]) -> dict[str, Any]:
