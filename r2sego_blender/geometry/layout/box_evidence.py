@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -110,6 +111,47 @@ class BoxEvidence:
         return self.terms(boxes) @ _WEIGHTS
 
 
+class _Pixels(NamedTuple):
+    """Every so many-th pixel of a capture: ``rays`` (n, 3) in the room's axes, of length one; known ``distances`` (n,)
+    along them; ``row`` (n,), how far back the pixel above is; ``look`` (h, w, 3) their colours; ``projection`` (3, 4)
+    from the room's axes onto them.
+    """
+
+    rays: np.ndarray
+    distances: np.ndarray
+    row: np.ndarray
+    look: np.ndarray
+    projection: np.ndarray
+
+    @staticmethod
+    def of(image: np.ndarray, camera: Camera, depth: np.ndarray, axes: np.ndarray, finer: float) -> _Pixels:
+        step = max(1, int(np.sqrt(image.shape[0] * image.shape[1] * finer / _PIXELS)))
+        at = slice(step // 2, None, step)
+        rays = (camera.rays() @ (axes @ camera.world_from_camera[:3, :3]).T)[at, at]
+        row = len(rays[0])
+        rays = rays.reshape(-1, 3)
+        length = np.linalg.norm(rays, axis=1)
+        look = appearance(image)[at, at]
+        small = Camera(
+            look.shape[1],
+            look.shape[0],
+            camera.fx / step,
+            camera.fy / step,
+            (camera.cx - step // 2 - 0.5) / step + 0.5,
+            (camera.cy - step // 2 - 0.5) / step + 0.5,
+            camera.world_from_camera,
+        )
+        world_from_room = np.eye(4)
+        world_from_room[:3, :3] = axes.T
+        return _Pixels(
+            rays / length[:, None],
+            depth[at, at].ravel() * length,
+            np.where(np.arange(len(rays)) >= row, row, 0),
+            look,
+            small.matrix @ (small.camera_from_world @ world_from_room)[:3],
+        )
+
+
 def box_evidence(
     images: Sequence[np.ndarray],
     cameras: Sequence[Camera],
@@ -120,53 +162,28 @@ def box_evidence(
     finer: float,
 ) -> BoxEvidence:
     axes = room_axes(turn)
-    rays, views, rows, colours, distances, looks, projections = [], [], [], [], [], [], []
-    for index, (image, camera, depth) in enumerate(zip(images, cameras, known, strict=True)):
-        step = max(1, int(np.sqrt(image.shape[0] * image.shape[1] * finer / _PIXELS)))
-        at = slice(step // 2, None, step)
-        local = (camera.rays() @ (axes @ camera.world_from_camera[:3, :3]).T)[at, at]
-        row = len(local[0])
-        local = local.reshape(-1, 3)
-        length = np.linalg.norm(local, axis=1)
-        rays.append(local / length[:, None])
-        distances.append(depth[at, at].ravel() * length)
-        views.append(np.full(len(local), index))
-        rows.append(np.where(np.arange(len(local)) >= row, row, 0))
-        look = appearance(image)
-        colours.append(look[at, at].reshape(len(local), -1))
-        looks.append(look[at, at])
-        small = Camera(
-            look[at, at].shape[1],
-            look[at, at].shape[0],
-            camera.fx / step,
-            camera.fy / step,
-            (camera.cx - step // 2 - 0.5) / step + 0.5,
-            (camera.cy - step // 2 - 0.5) / step + 0.5,
-            camera.world_from_camera,
-        )
-        turned = np.eye(4)
-        turned[:3, :3] = axes.T
-        projections.append(small.matrix @ (small.camera_from_world @ turned)[:3])
-    pool = np.concatenate(colours)
-    pool = pool + np.random.default_rng(seed).normal(0.0, JITTER, pool.shape)
-    _, clusters = kmeans2(pool, _COLOURS, minit="++", iter=12, rng=seed)
+    pixels = [_Pixels.of(*capture, axes, finer) for capture in zip(images, cameras, known, strict=True)]
+    sizes = [len(one.rays) for one in pixels]
+    rays, views = np.concatenate([one.rays for one in pixels]), np.repeat(np.arange(len(pixels)), sizes)
+    colours = np.concatenate([one.look.reshape(size, -1) for one, size in zip(pixels, sizes, strict=True)])
+    jittered = colours + np.random.default_rng(seed).normal(0.0, JITTER, colours.shape)
+    _, clusters = kmeans2(jittered, _COLOURS, minit="++", iter=12, rng=seed)
     line_rays, owner = samples(segments, max(cameras[0].shape) / finer)
     kind = directions(segments, turn)
     centre = np.array([camera.centre for camera in cameras]) @ axes.T
-    floor_like = _floor_like(clusters, np.concatenate(rays), centre[np.concatenate(views), 2])
-    lines, feet, first = line_rays @ axes.T, np.zeros(len(owner)), 0
-    for index, look in enumerate(looks):
-        likely = floor_like[clusters[first : first + look[..., 0].size]].reshape(look.shape[:2])
-        first += likely.size
+    floor_like = _floor_like(clusters, rays, centre[views, 2])
+    lines, feet = line_rays @ axes.T, np.zeros(len(owner))
+    for index, one in enumerate(pixels):
+        likely = floor_like[clusters[views == index]].reshape(one.look.shape[:2])
         of = segments.view[owner] == index
-        feet[of] = _feet(lines[of], projections[index], likely)
+        feet[of] = _feet(lines[of], one.projection, likely)
     return BoxEvidence(
-        np.concatenate(rays),
-        np.concatenate(views),
-        np.concatenate(rows),
+        rays,
+        views,
+        np.concatenate([one.row for one in pixels]),
         clusters.astype(np.int64),
         floor_like,
-        np.concatenate(distances),
+        np.concatenate([one.distances for one in pixels]),
         np.ascontiguousarray(lines),
         segments.view[owner],
         kind[owner],
