@@ -161,6 +161,11 @@ def box_evidence(
     seed: int,
     finer: float,
 ) -> BoxEvidence:
+    """The evidence of pictures (H, W, 3) float32 in [0, 1] for boxes of a room whose axes are turned by ``turn``, rad.
+
+    ``known`` (H, W) is the distance along each pixel's z, metres, 0 where it is unknown; ``segments`` are the
+    pictures'. ``finer`` as in ``BoxEvidence``; colours are clustered by ``seed``.
+    """
     axes = room_axes(turn)
     pixels = [_Pixels.of(*capture, axes, finer) for capture in zip(images, cameras, known, strict=True)]
     sizes = [len(one.rays) for one in pixels]
