@@ -163,7 +163,7 @@ def box_evidence(
 ) -> BoxEvidence:
     """The evidence of pictures (H, W, 3) float32 in [0, 1] for boxes of a room whose axes are turned by ``turn``, rad.
 
-    ``known`` (H, W) is the distance along each pixel's z, metres, 0 where it is unknown; ``segments`` are the
+    ``known`` (H, W) is planar depth, metres, 0 where it is unknown; ``segments`` are the
     pictures'. ``finer`` as in ``BoxEvidence``; colours are clustered by ``seed``.
     """
     axes = room_axes(turn)
