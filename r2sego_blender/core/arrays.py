@@ -36,6 +36,18 @@ _DAMAGE = (
 )
 """What reading a cut-off, overwritten or foreign file raises."""
 
+_NO_HEADER = (
+    tokenize.TokenError,
+    SyntaxError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    ArithmeticError,
+    MemoryError,
+    RecursionError,
+)
+"""What NumPy raises for the literals that a header may be, besides ValueError."""
+
 _MOST_UNPACKED = 192 << 20
 _MOST_TIMES_UNPACKED = 10
 """So many bytes may become of a packed file, or so many times its size if that is more."""
@@ -172,7 +184,7 @@ def _read_array(stream: IO[bytes], size: int) -> np.ndarray:
             shape, by_column, dtype = np.lib.format.read_array_header_1_0(stream)
         else:
             shape, by_column, dtype = np.lib.format.read_array_header_2_0(stream)
-    except (tokenize.TokenError, SyntaxError, KeyError, MemoryError, RecursionError) as error:
+    except _NO_HEADER as error:
         raise ValueError("it has no header of an array") from error
     if dtype.kind not in _KINDS or dtype.itemsize < 1 or dtype.subdtype is not None:
         raise ValueError(f"it holds {dtype}, which are no numbers")

@@ -135,6 +135,26 @@ def test_a_header_that_lies_is_refused_before_anything_is_allocated(tmp_path, me
         tracemalloc.stop()
 
 
+LITERALS = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=3) | st.binary(max_size=3),
+    lambda inner: st.lists(inner, max_size=3) | st.tuples(inner, inner) | st.dictionaries(st.text(max_size=3), inner),
+    max_leaves=6,
+)
+
+
+@given(
+    st.fixed_dictionaries({"descr": LITERALS, "fortran_order": LITERALS, "shape": st.just(()) | LITERALS})
+    | st.just({"descr": "<f8", b"fortran_order": False, "shape": ()})
+    | st.just({"descr": (({},), ({},)), "fortran_order": False, "shape": ()})
+    | LITERALS
+)
+def test_a_header_may_be_any_literal(tmp_path_factory, header):
+    file = tmp_path_factory.mktemp("header") / "a.npy"
+    file.write_bytes(npy(ascii(header)))
+    with pytest.raises(ValueError, match=r".+"):
+        load_array(file)
+
+
 def test_a_packed_bomb_is_refused_before_it_is_taken_apart(tmp_path):
     with zipfile.ZipFile(tmp_path / "table.npz", "w", zipfile.ZIP_DEFLATED) as archive:
         body = bytes(30_000_000)
