@@ -29,7 +29,8 @@ def plan(course: Course) -> RootTrajectory:
     ranges = course.scope.squat
     place, heading = course.stand()
     at = times(course.scope.episode.duration_s)
-    crouch, lean, begins_s = np.zeros(len(at)), np.zeros(len(at)), STILL_S
+    crouch, lean, reach = np.zeros((3, len(at)))
+    begins_s = STILL_S
     while True:
         depth = 1.0 - course.draw(ranges.height)
         lean_rad = math.radians(course.draw(ranges.lean_deg))
@@ -38,6 +39,7 @@ def plan(course: Course) -> RootTrajectory:
             break
         low = eased((at - begins_s) / _CROUCH_S) - eased((at - rise_s) / _CROUCH_S)
         crouch, lean, begins_s = crouch + depth * low, lean + lean_rad * low, rise_s + _CROUCH_S + STILL_S
+        reach = reach + (abs(lean_rad) or 1.0) * low  # forward, whichever way the body leans, if it does
     still = np.zeros(len(at))
     return RootTrajectory(
         "squat",
@@ -47,7 +49,7 @@ def plan(course: Course) -> RootTrajectory:
         place,
         crouch,
         lean,
-        REACH_RAD * lean / max(lean.max(), 1e-9),
+        REACH_RAD * reach / max(reach.max(), 1e-9),
         still,
     )
 

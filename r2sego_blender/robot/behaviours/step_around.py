@@ -27,7 +27,7 @@ def plan(course: Course) -> RootTrajectory:
     at = times(course.scope.episode.duration_s)
     xy, begins_s = np.tile(place, (len(at), 1)), 0.0
     while True:
-        begins_s += course.draw(ranges.pause_s)
+        begins_s += max(course.draw(ranges.pause_s), 1.0 / RATE_HZ)  # else a place without room is asked for ever
         length_m, direction = course.draw(ranges.step_m), course.rng.uniform(-math.pi, math.pi)
         target = place + length_m * np.array([math.cos(direction), math.sin(direction)])
         seconds = length_m / STEP_SPEED_M_S

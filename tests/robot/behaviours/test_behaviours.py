@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from r2sego_blender.robot.behaviours.trajectory import RATE_HZ, STAND_OFF_M, RootTrajectory, Seat, eased
-from r2sego_blender.robot.planning.course import plan_root
+from r2sego_blender.robot.behaviours import step_around
+from r2sego_blender.robot.behaviours.trajectory import RATE_HZ, REACH_RAD, STAND_OFF_M, RootTrajectory, Seat, eased
+from r2sego_blender.robot.planning.course import Course, plan_root
 from r2sego_blender.robot.planning.free_floor import FreeFloor, free_floor
 from r2sego_blender.robot.scope.scope import Behaviours, BehaviourScope
 
@@ -68,6 +69,34 @@ def test_squats_go_as_low_as_the_scope_says_and_rise_again(floor):
         assert np.ptp(root.xy, axis=0).max() == 0.0
         assert math.degrees(root.lean.max()) <= SCOPE.squat.lean_deg[1] + 1e-9
         assert (root.reach[root.crouch > 0.05] > 0.0).all()
+
+
+@pytest.mark.parametrize("lean_deg", [(-20.0, -10.0), (-20.0, 10.0), (0.0, 0.0)])
+def test_arms_reach_forward_in_squats_however_the_body_leans(floor, lean_deg):
+    scope = only("squat")
+    scope = replace(scope, squat=replace(scope.squat, lean_deg=lean_deg))
+    for seed in SEEDS:
+        root = plan_root(floor, scope, np.random.default_rng(seed))
+        assert root.reach.min() >= -1e-9
+        assert root.reach.max() == pytest.approx(REACH_RAD)
+
+
+def test_without_pauses_steps_that_find_no_room_come_to_an_end(floor):
+    alone = np.zeros_like(floor.free)
+    alone[tuple(np.argwhere(floor.free)[0])] = True
+    scope = only("step_around")
+    scope = replace(scope, step_around=replace(scope.step_around, pause_s=(0.0, 0.0)))
+    root = step_around.plan(Patient(replace(floor, free=alone), scope, np.random.default_rng(0), []))
+    assert np.ptp(root.xy, axis=0).max() == 0.0
+
+
+class Patient(Course):
+    """A course that is not asked without end; ``seats`` counts."""
+
+    def is_free_between(self, start, end):
+        self.seats.append(None)
+        assert len(self.seats) < 1_000
+        return super().is_free_between(start, end)
 
 
 def test_sitting_ends_facing_away_from_the_seat(floor):
