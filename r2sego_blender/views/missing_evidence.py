@@ -91,7 +91,8 @@ def _lacking(
 def _tried(candidates: Sequence[Camera], captures: Sequence[Camera]) -> list[Camera]:
     """Photographs all around from places apart, small."""
     height_m = float(np.median([camera.centre[2] for camera in captures]))
-    rise = math.tan(math.asin(float(np.median([camera.forward[2] for camera in captures]))))
+    upwards = float(np.median([camera.forward[2] for camera in captures]))
+    rise = math.tan(math.asin(min(1.0, max(-1.0, upwards))))  # straight down rounds to beyond 1
     places = np.array([camera.centre[:2] for camera in candidates])
     chosen = [0]
     away = np.linalg.norm(places - places[0], axis=1)

@@ -41,6 +41,15 @@ def test_it_looks_where_the_robot_does_and_no_capture_did(towards):
         assert min(np.linalg.norm(one.camera.centre[:2] - view.centre[:2]) for view in views) < 1e-9
 
 
+def test_captures_that_look_straight_down_are_followed_by_such():
+    proxy, _ = room()
+    down = np.diag([1.0, -1.0, np.nextafter(-1.0, -2.0), 1.0])  # as products of rotations round
+    captures = [LENS.at(down + np.outer((x, 0.0, 2.0, 0.0), (0.0, 0.0, 0.0, 1.0))) for x in (-0.3, 0.0, 0.3)]
+    views = candidates((-1.0, 0.0))
+    _, photographs = photographs_to_take(views, np.ones(len(views)), proxy, captures)
+    assert all(one.camera.forward[2] < -0.999 for one in photographs)
+
+
 def test_where_the_captures_saw_everything_little_is_lacking():
     proxy, captures = room()
     views = candidates((1.0, 0.0))[6:]

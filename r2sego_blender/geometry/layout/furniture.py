@@ -38,6 +38,7 @@ _LEAN = 0.2  # metres back a metre up
 _NEARER = 0.85  # than the lowest that is seen, what goes on below the picture
 _DEEPEST_M = 0.7
 _HIGHEST_M = 2.2
+_STRAIGHT = 1e-6  # level part of a unit direction, below which it is upright
 
 
 @dataclass(frozen=True)
@@ -111,9 +112,14 @@ def _look(image: np.ndarray) -> np.ndarray:
 
 
 def upright(camera: Camera) -> tuple[Camera, np.ndarray]:
-    """A level camera at the same place that sees the same, and (3, 3) from the pixels of ``camera`` to its."""
+    """A level camera at the same place that sees the same, and (3, 3) from the pixels of ``camera`` to its.
+
+    Of one that looks straight down or up it looks to where the picture's upper edge, or its lower one, is.
+    """
     forward = camera.forward * [1.0, 1.0, 0.0]
-    forward /= max(float(np.linalg.norm(forward)), 1e-9)
+    if np.linalg.norm(forward) < _STRAIGHT:
+        forward = camera.world_from_camera[:3, 1] * [1.0, 1.0, 0.0] * np.sign(camera.forward[2])
+    forward /= np.linalg.norm(forward)
     pose = np.eye(4)
     pose[:3, 0], pose[:3, 1], pose[:3, 2] = np.cross(forward, [0.0, 0.0, 1.0]), [0.0, 0.0, -1.0], forward
     pose[:3, 3] = camera.centre
