@@ -39,6 +39,9 @@ Watch = Callable[[int, Callable[[], PackedGaussians]], bool]
 
 _GOLDEN_RATIO = 0.5 * (math.sqrt(5.0) - 1.0)
 
+_ONE_PLACE_M = 1e-3
+"""Cameras nearer to their middle than this stand in one place, as poses round."""
+
 _SCENE_MARGIN = 1.1
 """3DGS: a scene's extent is this times the largest distance of a camera from their middle."""
 
@@ -240,7 +243,7 @@ def _used_degree(asset: SplatAsset) -> int:
 def _extent_m(asset: SplatAsset, observations: Sequence[Observation]) -> float:
     """The scene's extent; of the Gaussians when the cameras stand in one place."""
     extent_m = scene_extent_m([view.camera for view in observations])
-    if extent_m > 0.0 or len(asset) == 0:
+    if extent_m > _ONE_PLACE_M or len(asset) == 0:
         return extent_m
     return float(np.median(np.linalg.norm(asset.means - np.median(asset.means, axis=0), axis=1)))
 

@@ -314,3 +314,12 @@ def test_depth_that_no_loss_asks_for_changes_nothing_and_is_not_prepared() -> No
     assert small.depth is None and small.depth_weight is None and large.depth.shape == small.camera.shape
     asked = dataclasses.replace(SETTINGS, depth_weight=0.1)
     assert not same_bits(without, train(start, deep, 20, asked, np.random.default_rng(0)))
+
+
+def test_gaussians_move_where_all_images_are_of_one_place() -> None:
+    true, start, _ = scene()
+    place = np.array([0.1, -0.7, -1.3])  # whose mean over three is not quite itself
+    lenses = [c.at(look_at(place, [x, 0.0, 2.0])) for c, x in zip(cameras(3), (-0.3, 0.0, 0.3), strict=True)]
+    views = [Observation(c, np.clip(render(true, c).colour, 0, 1)) for c in lenses]
+    trained = train(start, views, 20, SETTINGS, np.random.default_rng(0))
+    assert np.linalg.norm(trained.means - start.means, axis=1).max() > 1e-4
