@@ -196,7 +196,11 @@ def save_candidates(folder: Path, cameras: Sequence[Camera]) -> None:
     """Write a round's candidate views, which share one lens: ``candidates.npz`` (poses
     (M, 4, 4) float64 ``world_from_camera``) and ``candidates.json`` (the lens)."""
     if not cameras:
-        raise GenerationError("there are no candidate views", where=folder, cure="Run more rollouts.")
+        raise GenerationError(
+            "there are no candidate views",
+            where=folder,
+            cure="Run more rollouts, or let views turn faster (episode.max_turn_deg_s, 0 for any).",
+        )
     save_arrays(folder / "candidates.npz", poses=np.stack([camera.world_from_camera for camera in cameras]))
     lens = {key: value for key, value in cameras[0].to_json().items() if key != "world_from_camera"}
     write_json(folder / "candidates.json", {"camera": lens})

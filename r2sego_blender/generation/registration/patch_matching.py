@@ -48,7 +48,8 @@ def corners(image: np.ndarray, known: np.ndarray, cell_px: int) -> tuple[np.ndar
     strength[inside == 0] = 0.0
     height, width = (side // cell_px * cell_px for side in image.shape)
     cells: np.ndarray = strength[:height, :width].reshape(height // cell_px, cell_px, width // cell_px, cell_px)
-    cells = cells.transpose(0, 2, 1, 3).reshape(height // cell_px, width // cell_px, -1)
+    # An image that holds no whole cell has no corner.
+    cells = cells.transpose(0, 2, 1, 3).reshape(height // cell_px, width // cell_px, cell_px * cell_px)
     best = cells.argmax(axis=-1)
     row, column = np.nonzero(cells.max(axis=-1, initial=0.0) > _SMALLEST_CORNER)
     place = best[row, column]

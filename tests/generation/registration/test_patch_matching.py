@@ -38,6 +38,14 @@ def test_a_shift_is_found_to_a_fraction_of_a_pixel(rng, dx, dy):
     assert np.quantile(np.abs(off), 0.9) < 0.2
 
 
+@pytest.mark.parametrize(("height", "width"), [(20, 100), (100, 20), (20, 20)])
+def test_images_lower_or_narrower_than_a_cell_have_no_corners(rng, height, width):
+    image = texture(rng, height, width)
+    columns, rows = corners(image, np.ones(image.shape, bool), 24)
+    assert len(columns) == len(rows) == 0
+    assert len(match_patches(image, columns, rows, image, 12, 0.6, 0.85).scores) == 0
+
+
 def test_what_moved_further_than_the_reach_is_not_found(rng):
     image = texture(rng)
     found, looked_for = matched(image, shifted(image, 25.0, 0.0))
