@@ -56,12 +56,13 @@ def load_take(path: str | Path, robot: RobotModel) -> Take:
     if not robot.legs:
         raise RobotError("the robot has no legs to replay a motion with", where=robot.source, cure="Give one.")
     recording = read_recording(path)
+    frames = int(recording.seconds * RATE_HZ + 1e-9) + 1  # on the robot
+    if frames < _SHORTEST_S * RATE_HZ:
+        raise RobotError(f"the motion lasts {frames / RATE_HZ:.1f} s", where=path, cure="Give a longer one.")
     if isinstance(recording, HumanRecording):
         qpos = retarget(recording, robot)
     else:
         qpos = robot_motion(recording, robot)
-    if len(qpos) < _SHORTEST_S * RATE_HZ:
-        raise RobotError(f"the motion lasts {len(qpos) / RATE_HZ:.1f} s", where=path, cure="Give a longer one.")
     return Take(Path(path).stem, qpos, seated_span(qpos, robot))
 
 

@@ -24,6 +24,8 @@ from .recorded_motion import HUMAN_BODIES, HumanRecording
 
 _BODY = {name: index for index, name in enumerate(HUMAN_BODIES)}
 _SIDES = ("left", "right")
+_BONES = (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist"))
+_SHORTEST_M = 1e-3  # of a bone that has a direction
 # A foot that stands has its ankle no higher above its lowest than this.
 _STANCE_M = 0.05
 _SMOOTHING_S = 0.04
@@ -67,11 +69,12 @@ def retarget(human: HumanRecording, robot: RobotModel) -> np.ndarray:
     """(T, nq) float64 at ``RATE_HZ``: the motion of ``human`` on ``robot``, its soles on z = 0.
 
     Joint limits are kept; feet that stand do not move. Raises RobotError for a robot that is
-    no biped with knees.
+    no biped with knees, and for a human whose limbs have no length.
     """
     if len(robot.legs) != 2:
         raise RobotError(f"the robot has {len(robot.legs)} legs", where=human.where, cure="A human's motion needs two.")
     position, rotation = _resampled(human)
+    _refuse_points(human.where, position)
     chains = [_leg_chain(robot, leg) for leg in robot.legs]
     human_leg_m = np.mean([_bone_m(position, f"{side}_hip", f"{side}_knee", f"{side}_ankle") for side in _SIDES])
     scale = float(np.mean([chain.thigh_m + chain.shin_m for chain in chains])) / human_leg_m
@@ -276,6 +279,15 @@ def _torso(robot: RobotModel) -> str | None:
 def _bone_m(position: np.ndarray, *names: str) -> float:
     joints = position[:, [_BODY[name] for name in names]]
     return float(np.linalg.norm(np.diff(joints, axis=1), axis=2).sum(axis=1).mean())
+
+
+def _refuse_points(where: str, position: np.ndarray) -> None:
+    """Raises RobotError where a limb's bone in ``position`` (T, 24, 3) points nowhere."""
+    for side in _SIDES:
+        for start, end in ((f"{side}_{start}", f"{side}_{end}") for start, end in _BONES):
+            bone = position[:, _BODY[end]] - position[:, _BODY[start]]
+            if np.linalg.norm(bone, axis=1).min() < _SHORTEST_M:
+                raise RobotError(f"{start} and {end} are in one place", where=where, cure="Give a human's bodies.")
 
 
 def _directions(start: np.ndarray, end: np.ndarray) -> np.ndarray:

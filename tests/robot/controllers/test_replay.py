@@ -260,6 +260,9 @@ def test_what_cannot_be_replayed_is_refused(humanoid, walk, box_room, tmp_path):
     np.savetxt(short, walk[1][:10], delimiter=",", header="rate_hz = 50")
     with pytest.raises(RobotError, match=r"short.csv: the motion lasts 0.2 s"):
         made(replaying(short))
+    np.savetxt(short, walk[1][:2], delimiter=",", header="rate_hz = 1000")  # no second frame at the robot's rate
+    with pytest.raises(RobotError, match=r"short.csv: the motion lasts 0.0 s"):
+        made(replaying(short))
     sitting = replace(replaying(walk[0]), behaviours=Behaviours(sit_on=1.0))
     with pytest.raises(RobotError, match=r"no motion sits for sit_on.hold_s = 3 s. Set behaviours.sit_on to 0"):
         made(sitting)

@@ -130,6 +130,14 @@ def test_a_human_elsewhere_turned_gives_the_same_joints(humanoid, squat):
     np.testing.assert_allclose(other[:, 2], squat[:, 2], atol=2e-3)
 
 
+@pytest.mark.parametrize(("start", "end"), [("left_knee", "left_ankle"), ("right_shoulder", "right_elbow")])
+def test_limbs_without_a_length_are_refused(humanoid, start, end):
+    human = squatting_human(frames=10)
+    human.position_m[4, HUMAN_BODIES.index(end)] = human.position_m[4, HUMAN_BODIES.index(start)]
+    with pytest.raises(RobotError, match=f"a human: {start} and {end} are in one place"):
+        retarget(human, humanoid)
+
+
 def test_a_human_needs_two_legs_with_knees(quadruped):
     with pytest.raises(RobotError, match=r"a human: the robot has 4 legs. A human's motion needs two"):
         retarget(squatting_human(), quadruped)
