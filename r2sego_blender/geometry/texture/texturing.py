@@ -127,11 +127,12 @@ def _see(points, normals, pose, centre, lens, depth, trust, image, tolerance, bo
             continue
         ox, oy, oz = centre[0] - x, centre[1] - y, centre[2] - z
         cosine = normals[i, 0] * ox + normals[i, 1] * oy + normals[i, 2] * oz
-        cosine /= np.sqrt(ox * ox + oy * oy + oz * oz)
+        away = np.sqrt(ox * ox + oy * oy + oz * oz)
+        cosine /= away
         if cosine < _LEAST_COSINE:
             continue
         # Pixels a square metre of the surface takes, up to the constants all captures share.
-        value = cosine * lens[0] * lens[1] / (ahead * ahead) * trust[row, column]
+        value = cosine * lens[0] * lens[1] * away / ahead**3 * trust[row, column]
         if border_px > 0.0:
             value *= min(max(min(min(u, width - u), min(v, height - v)) / border_px, 0.02), 1.0)
         _insert(i, np.float32(value), image, u, v, quality, colour)

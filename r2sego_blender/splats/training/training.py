@@ -39,8 +39,8 @@ Watch = Callable[[int, Callable[[], PackedGaussians]], bool]
 
 _GOLDEN_RATIO = 0.5 * (math.sqrt(5.0) - 1.0)
 
-_ONE_PLACE_M = 1e-3
-"""Cameras nearer to their middle than this stand in one place, as poses round."""
+_ONE_PLACE = 1e-3
+"""Cameras no farther apart than this share of the Gaussians' spread stand in one place, as poses round."""
 
 _SCENE_MARGIN = 1.1
 """3DGS: a scene's extent is this times the largest distance of a camera from their middle."""
@@ -243,9 +243,10 @@ def _used_degree(asset: SplatAsset) -> int:
 def _extent_m(asset: SplatAsset, observations: Sequence[Observation]) -> float:
     """The scene's extent; of the Gaussians when the cameras stand in one place."""
     extent_m = scene_extent_m([view.camera for view in observations])
-    if extent_m > _ONE_PLACE_M or len(asset) == 0:
+    if len(asset) == 0:
         return extent_m
-    return float(np.median(np.linalg.norm(asset.means - np.median(asset.means, axis=0), axis=1)))
+    spread_m = float(np.median(np.linalg.norm(asset.means - np.median(asset.means, axis=0), axis=1)))
+    return extent_m if extent_m > _ONE_PLACE * spread_m else spread_m
 
 
 def _shuffled(observations: Sequence[Observation], rng: np.random.Generator) -> Iterator[int]:

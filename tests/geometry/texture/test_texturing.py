@@ -118,6 +118,30 @@ def test_the_kernel_sees_what_a_plain_reference_sees(mesh, images, cameras):
     np.testing.assert_allclose(colours[both], value, atol=1e-3)
 
 
+def test_a_point_has_its_colour_from_the_capture_that_gives_its_surface_most_pixels(mesh, images, cameras):
+    """By finite differences: the area that a millimetre's square of the surface has in each picture."""
+    rng = np.random.default_rng(5)
+    face = rng.integers(0, len(mesh.faces), 3000)
+    weights = rng.dirichlet(np.ones(3), 3000).astype(np.float32)
+    corners = mesh.vertices[mesh.faces[face]]
+    points, normals = np.einsum("ij,ijk->ik", weights, corners), _normals(mesh)[face]
+    plain = dataclasses.replace(SETTINGS, edge_px=0, border_px=0.0, best_captures=1)
+    pictures = [np.full_like(image, index / len(images)) for index, image in enumerate(images)]
+    colours, _ = seen_colours(points, normals, mesh, pictures, cameras, plain)
+    across = corners[:, 1] - corners[:, 0]
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    density = []
+    for camera, picture in zip(cameras, pictures, strict=True):
+        _, seen = seen_colours(points, normals, mesh, [picture], [camera], plain)
+        middle, right, up = (camera.project(points + 1e-3 * way)[0] for way in (0.0, across, np.cross(normals, across)))
+        area = np.abs(np.linalg.det(np.stack([right - middle, up - middle], axis=-1)))
+        density.append(np.where(seen, area, 0.0))
+    ordered = np.sort(density, axis=0)
+    clear = (ordered[-2] > 0.0) & (ordered[-1] > 1.01 * ordered[-2])
+    assert clear.sum() > 300
+    np.testing.assert_allclose(colours[clear, 0], np.argmax(density, axis=0)[clear] / len(images), atol=1e-6)
+
+
 def test_a_wall_behind_no_capture_continues_its_surroundings(textured, room):
     """The unseen wall gets colours of what is near, no black and nothing beyond the seen range."""
     camera = Camera(80, 60, 40.0, 40.0, 40.0, 30.0, look_at((0.0, 1.0, 1.3), (0.0, -1.5, 1.0)))
