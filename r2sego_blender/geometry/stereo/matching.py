@@ -84,6 +84,7 @@ class Sources(NamedTuple):
 def window(radius_px: int, stride_px: int = 2) -> Window:
     """The rounded window of the given half width, sampled every ``stride_px`` pixels."""
     steps = np.arange(-radius_px, radius_px + 1, stride_px)
+    steps += (radius_px - steps[-1]) // 2  # as many beside the pixel on either hand
     dv, du = (grid.ravel() for grid in np.meshgrid(steps, steps, indexing="ij"))
     # A quarter over the half width: what is left of 6 x 6 samples is 32, no padding.
     rounded = np.hypot(du, dv) <= 1.25 * radius_px

@@ -106,6 +106,13 @@ def test_what_is_as_bright_and_of_another_colour_has_no_weight() -> None:
     assert weights[0, beyond].sum() > 0.3
 
 
+@pytest.mark.parametrize(("radius_px", "stride_px"), [(r, s) for r in range(2, 16) for s in range(1, min(r, 4) + 1)])
+def test_a_window_lies_around_its_pixel(radius_px, stride_px) -> None:
+    offsets, spatial, _ = matching.window(radius_px, stride_px)
+    middle = offsets[:, spatial > 0.0].mean(axis=1)
+    assert np.abs(middle).max() <= 0.5 and np.abs(offsets).max() <= radius_px
+
+
 def test_a_patch_that_leaves_the_source_has_the_worst_cost(pair) -> None:
     a, b, _, reference, sources, field = pair
     window = matching.window(4)
