@@ -3,7 +3,7 @@
 blender --background --python batch/examples/scene_settings.py -- SCENE --set rounds=1 --keep quick
 python batch/examples/scene_settings.py -- SCENE --photographs FOLDER --use quick --refine  (pip bpy)
 
---photographs makes SCENE, with the poses that lie in or beside FOLDER if there are any.
+--photographs makes SCENE, with the poses that lie in FOLDER if there are any; poses above it are named in a warning.
 """
 
 import argparse

@@ -16,7 +16,8 @@ ARCHIVES = (".zip",)
 """Suffixes of archives of photographs, in small letters."""
 
 # Where the photographs of a pose file or a COLMAP model lie, seen from its folder.
-_NEAR = ("images", "photos", ".", "rgb", "results", "../images", "../photos", "../../images", "../../photos", "..")
+_WITHIN = ("images", "photos", ".", "rgb", "results")
+_NEAR = (*_WITHIN, "../images", "../photos", "../../images", "../../photos", "..")
 _WITHIN_ROOMS = ("images", "photos", "captures", "sparse", "0", "keyframes", "rgb", "results")
 
 
@@ -49,8 +50,10 @@ def capture_files(dropped: Sequence[Path], suffix: str) -> CaptureFiles:
         return CaptureFiles(whole[0], None, whole[0].with_suffix(suffix))
     for path in (Path(one) for one in dropped):
         if path.is_dir():
-            poses = poses or next(iter(poses_beside(path)), None)
-            folder = path if has_photographs(path) else _photographs_near(path)
+            own = next(iter(poses_beside(path)), None)
+            poses = poses or own
+            # Only poses say that photographs outside of the folder are meant.
+            folder = path if has_photographs(path) else _photographs_near(path, _WITHIN if own is None else _NEAR)
             folders += [folder] if folder is not None else []
         elif path.suffix.lower() in PHOTOGRAPHS:
             folders.append(path.parent)
@@ -103,8 +106,8 @@ def _recording_of(path: Path) -> Path | None:
     return None if found is None else found[0].parent
 
 
-def _photographs_near(folder: Path) -> Path | None:
-    for near in _NEAR:
+def _photographs_near(folder: Path, places: Sequence[str] = _NEAR) -> Path | None:
+    for near in places:
         place = (folder / near).resolve()
         if has_photographs(place):
             return place

@@ -80,6 +80,12 @@ def test_what_is_neither_is_refused(room, dropped):
         capture_files([room / one for one in dropped], ".r2s")
 
 
+def test_an_empty_folder_takes_no_photographs_beside_it(room):
+    (room / "empty").mkdir()
+    with refused(CaptureError, room / "empty"):
+        capture_files([room / "empty"], ".r2s")
+
+
 def test_photographs_of_two_folders_are_refused(room):
     (room / "more").mkdir()
     (room / "more" / "c.jpg").write_bytes(b"")
