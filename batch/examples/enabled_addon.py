@@ -12,6 +12,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from r2sego_blender.bridge.shared.reports import reported
 from r2sego_blender.core.errors import SceneError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -30,7 +31,7 @@ def enabled_addon() -> Iterator[None]:
     try:
         yield
     except RuntimeError as error:
-        raise SceneError(str(error).removeprefix("Error: ").strip().rstrip(".")) from error
+        raise SceneError(reported(error).rstrip(".")) from error
     finally:
         if addon is not None:
             addon.unregister()

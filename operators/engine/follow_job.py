@@ -2,6 +2,7 @@
 
 import bpy
 
+from ...r2sego_blender.bridge.shared.reports import reported
 from ...r2sego_blender.core.errors import SceneError
 from ..base import ReportingOperator, needs_idle_engine, waits_for_engine
 from .following import look_again, take_over, unfollowed_jobs
@@ -29,5 +30,5 @@ class R2SEGO_OT_follow_job(ReportingOperator, bpy.types.Operator):
         try:
             take_over(found[0])
         except RuntimeError as error:
-            raise SceneError(str(error).removeprefix("Error: ").strip().rstrip("."), where=title) from error
+            raise SceneError(reported(error).rstrip("."), where=title) from error
         return context.window_manager.r2sego_engine.ended[-1].line

@@ -5,6 +5,7 @@ from pathlib import Path
 import bpy
 from bpy.props import CollectionProperty, StringProperty
 
+from ...r2sego_blender.bridge.shared.reports import reported
 from ...r2sego_blender.captures.poses.dropped_files import ARCHIVES, PHOTOGRAPHS, VIDEOS, capture_files, taken_besides
 from ...r2sego_blender.core.errors import R2SEgoError
 from ...r2sego_blender.results.panels.bundle import SUFFIX
@@ -67,7 +68,7 @@ class R2SEGO_OT_new_scene_from_files(bpy.types.Operator):
         try:
             ended = bpy.ops.r2sego.new_scene(how, **given)
         except RuntimeError as error:  # what New Scene reported
-            self.report({"ERROR"}, str(error).strip().removeprefix("Error: "))
+            self.report({"ERROR"}, reported(error))
             return {"CANCELLED"}
         return {"CANCELLED"} if ended == {"CANCELLED"} else {"FINISHED"}
 
