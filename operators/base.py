@@ -165,6 +165,7 @@ class EngineOperator:
             return {"CANCELLED"}
         if followed.running() and not waits_for_engine(context):
             return {"FINISHED"}
+        job.heed_interrupts()
         try:
             followed.wait(job.show_event)
         except R2SEgoError:

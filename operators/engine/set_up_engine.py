@@ -1,6 +1,7 @@
 """Install the engine into an environment of the extension's own."""
 
 import sys
+from pathlib import Path
 
 import bpy
 from bpy.props import StringProperty
@@ -73,7 +74,7 @@ class R2SEGO_OT_set_up_engine(EngineOperator, bpy.types.Operator):
         )
 
     def arguments(self, context):
-        wheels = ["--wheels", bpy.path.abspath(self.wheels)] if self.wheels else []
+        wheels = ["--wheels", str(Path(bpy.path.abspath(self.wheels)).absolute())] if self.wheels else []
         return [str(engine_folder()), "--needed-mb", str(REQUIRED_MB), *wheels]
 
     def finish(self, context, result):

@@ -50,6 +50,9 @@ class R2SEGO_OT_open_scene(ReportingOperator, bpy.types.Operator):
 
 def _bundle_at(chosen: Path) -> Path:
     """The chosen folder, or the bundle in which a person chose one, or a file."""
+    chosen = chosen.absolute()
+    if ".." in chosen.parts:  # a bundle has one path, by which what is shown of it is known
+        chosen = chosen.resolve()
     for folder in (chosen, *chosen.parents):
         if (folder / DECLARATION).is_file():
             return folder

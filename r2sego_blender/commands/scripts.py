@@ -24,21 +24,30 @@ def run_script(main: Callable[[list[str]], int]) -> None:
     """Call ``main`` with the person's arguments and end the process with its exit status.
 
     Whatever fails ends it with status 1: after an error that leaves a script, Blender ends with 0.
-    SIGTERM and SIGHUP leave what runs as Ctrl-C does, so that no job goes on alone.
+    Ctrl-C, SIGTERM and SIGHUP leave what runs, so that no job goes on alone. Blender without a window
+    heeds the first Ctrl-C in renders alone, and cannot leave an operator by SystemExit.
     """
-    for name in ("SIGTERM", "SIGHUP"):
+    interrupts: list[int] = []
+
+    def interrupt(number: int, _: object) -> None:
+        interrupts.append(number)
+        raise KeyboardInterrupt
+
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, lambda number, _: sys.exit(128 + number))
+            signal.signal(number, interrupt)
     try:
         status = main(script_arguments())
-    except Exception as error:
+    except (Exception, KeyboardInterrupt) as error:
         said = _said(error)
-        if said:
+        if interrupts:  # an operator that is left so raises another error
+            print("r2sego: cancelled", file=sys.stderr)
+        elif said:
             print(f"r2sego: {said}", file=sys.stderr)
         else:
             traceback.print_exc()
-        status = 1
+        status = 128 + interrupts[0] if interrupts else 1
     sys.exit(status)
 
 
@@ -67,7 +76,7 @@ def numbers(count: int) -> Callable[[str], tuple[float, ...]]:
     return parse
 
 
-def _said(error: Exception) -> str:
+def _said(error: BaseException) -> str:
     """The sentence for a person about what they can mend, '' for a fault of the program."""
     said = str(error).strip()
     if isinstance(error, R2SEgoError):

@@ -80,23 +80,33 @@ def test_a_file_that_is_not_there_is_told_in_one_line(capsys, tmp_path):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals")
-def test_a_script_that_is_terminated_leaves_what_it_runs():
-    """A job that it waits for is stopped on the way out (``Job.wait``)."""
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("is_operator", [False, True])
+def test_a_script_that_is_interrupted_leaves_what_it_runs(number, is_operator):
+    """A job that it waits for is stopped on the way out (``Job.wait``). Blender has a handler of its own for
+    Ctrl-C, and makes a RuntimeError of whatever leaves an operator."""
     waiting = (
-        "import time\n"
+        "import signal, time\n"
         "from r2sego_blender.commands.scripts import run_script\n"
+        "signal.signal(signal.SIGINT, signal.SIG_DFL)\n"
         "def main(arguments):\n"
         "    try:\n"
         "        print('begun', flush=True)\n"
         "        time.sleep(60)\n"
-        "    finally: print('left')\n"
+        "    except BaseException as error:\n"
+        "        print('left')\n"
+        f"        if {is_operator}: raise RuntimeError('Error: Python: Traceback') from error\n"
+        "        raise\n"
         "run_script(main)\n"
     )
-    process = subprocess.Popen([sys.executable, "-c", waiting], stdout=subprocess.PIPE, text=True, cwd=BATCH.parent)
+    process = subprocess.Popen(
+        [sys.executable, "-c", waiting], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=BATCH.parent
+    )
     assert process.stdout.readline() == "begun\n"
-    process.terminate()
-    said, _ = process.communicate(timeout=30)
-    assert (said, process.returncode) == ("left\n", 128 + signal.SIGTERM)
+    process.send_signal(number)
+    said, errors = process.communicate(timeout=30)
+    assert (said, process.returncode) == ("left\n", 128 + number)
+    assert "Traceback" not in errors and len(errors.splitlines()) == 1
 
 
 @pytest.mark.parametrize(("script", "command"), [("refine.py", "refine"), ("export_collision.py", "export")])

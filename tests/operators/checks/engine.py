@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import signal
 import sys
 import time
 from types import SimpleNamespace
@@ -37,6 +38,21 @@ def check_a_failing_engine_is_reported_in_its_own_words():
     assert "No module named 'click'" in told and "Press Check Engine" in told
     conduct("succeed")
     assert bpy.ops.r2sego.refine() == {"FINISHED"}
+
+
+def check_ctrl_c_ends_a_wait_for_the_engine():
+    """Blender without a window keeps the first for what it renders itself."""
+    open_bundle()
+    conduct("succeed")
+    before = signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        assert bpy.ops.r2sego.refine() == {"FINISHED"}
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # as under nohup
+        bpy.ops.r2sego.refine()
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def check_a_job_is_followed_while_another_addon_is_disabled_in_the_middle_of_its_tool():

@@ -149,7 +149,7 @@ def view_of(area):
 
 
 def check_a_bundle_is_opened_from_what_lies_in_it_too():
-    for inside in ("captures", "captures/images", "scene.toml", ""):
+    for inside in ("captures", "captures/images", "captures/..", "scene.toml", ""):
         bpy.ops.wm.read_homefile(use_empty=True)
         assert bpy.ops.r2sego.open_scene(directory=str(BUNDLE / inside)) == {"FINISHED"}, inside
         assert Path(state().bundle) == BUNDLE
