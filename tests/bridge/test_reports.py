@@ -4,7 +4,7 @@ import pytest
 
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 
-from r2sego_blender.bridge.shared.reports import reported  # noqa: E402
+from r2sego_blender.bridge.shared.reports import reported
 
 
 @pytest.mark.parametrize("word", ["Error", "Fehler", "エラー", None])
