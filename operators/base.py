@@ -8,6 +8,7 @@ from bpy.props import StringProperty
 from ..r2sego_blender.core.errors import R2SEgoError, SceneError, of_file
 from ..r2sego_blender.workers.jobs import Job
 from . import job, state
+from .interruptible import interruptible
 
 
 def needs_bundle(cls, context) -> bool:
@@ -165,9 +166,9 @@ class EngineOperator:
             return {"CANCELLED"}
         if followed.running() and not waits_for_engine(context):
             return {"FINISHED"}
-        job.heed_interrupts()
         try:
-            followed.wait(job.show_event)
+            with interruptible():
+                followed.wait(job.show_event)
         except R2SEgoError:
             pass  # _conclude reports it
         finally:

@@ -5,8 +5,6 @@ followed, and what of it is shown.
 """
 
 import os
-import signal
-import threading
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -164,14 +162,6 @@ def tell_end(title: str, level: str, line: str) -> None:
     end.title, end.level, end.line = title, level, sentence(line)
     while len(ended) > _REMEMBERED_ENDS:
         ended.remove(0)
-
-
-def heed_interrupts() -> None:
-    """Let Ctrl-C end a wait for the engine: Blender without a window keeps the first for what it renders itself."""
-    if bpy.app.background and threading.current_thread() is threading.main_thread():
-        handler = signal.getsignal(signal.SIGINT)
-        if handler is not signal.SIG_IGN and not callable(handler):
-            signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def sentence(line: str) -> str:

@@ -1,9 +1,12 @@
 """What holds of the room Engine, checked inside Blender."""
 
+import contextlib
+import ctypes
 import os
 import shutil
 import signal
 import sys
+import threading
 import time
 from types import SimpleNamespace
 
@@ -11,6 +14,7 @@ import bpy
 from left_jobs import followed_to_its_end, job_module, left_job, other_scene_shown, wait_until
 from support import (
     BUNDLE,
+    ENGINE,
     MODULE,
     OUT,
     bundle_of_one_name,
@@ -40,17 +44,31 @@ def check_a_failing_engine_is_reported_in_its_own_words():
     assert bpy.ops.r2sego.refine() == {"FINISHED"}
 
 
-def check_ctrl_c_ends_a_wait_for_the_engine():
-    """Blender without a window keeps the first for what it renders itself."""
+def check_ctrl_c_ends_a_wait_for_the_engine_and_blenders_handler_comes_back():
+    """Blender without a window keeps the first for what it renders itself: here a handler in C that does nothing."""
+    module = sys.modules[f"{MODULE}.operators.interruptible"]
+    ignoring = ctypes.c_void_p(1).value  # SIG_IGN, of which Python's own module does not know
     open_bundle()
-    conduct("succeed")
+    conduct("sleep")
     before = signal.signal(signal.SIGINT, signal.SIG_DFL)
+    module._set_handler(signal.SIGINT, ignoring)
+    running = []
+
+    def interrupt():
+        wait_until((ENGINE.parent / "calls.jsonl").is_file)
+        running.append(job_module().current())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    presses = threading.Thread(target=interrupt)
     try:
-        assert bpy.ops.r2sego.refine() == {"FINISHED"}
-        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # as under nohup
-        bpy.ops.r2sego.refine()
-        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+        presses.start()
+        ended = None
+        with contextlib.suppress(KeyboardInterrupt, RuntimeError):
+            ended = bpy.ops.r2sego.refine()
+        presses.join()
+        assert ended != {"FINISHED"} and not running[0].running()
+        assert module._handler(signal.SIGINT) == ignoring
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_DFL
     finally:
         signal.signal(signal.SIGINT, before)
 
