@@ -47,7 +47,7 @@ def parts_outdated(scene: Scene) -> list[str]:
 
     None where the plan cannot be made: ``outlook`` says why.
     """
-    return outlook(scene)[0] if scene.recorded() else []
+    return outlook(scene)[0]
 
 
 def outlook(scene: Scene) -> tuple[list[str], str]:

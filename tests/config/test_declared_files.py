@@ -115,7 +115,7 @@ def test_what_would_take_long_to_parse_is_refused_before(text, says):
     began_s = time.process_time()
     with pytest.raises(ValueError, match=says):
         parse_toml(text)
-    assert time.process_time() - began_s < 5.0
+    assert time.process_time() - began_s < 1.0
 
 
 def test_brackets_and_dots_in_texts_and_comments_nest_nothing():

@@ -28,7 +28,7 @@ from r2sego_blender.evaluation.figures import save_figure
 from r2sego_blender.robot.model.robot_file import gather_robot
 from r2sego_blender.trials.records.index import RecordIndex
 
-MOST_S = 5.0  # of the processor; each took from ten seconds to hours, and takes less than one on a fast machine
+MOST_S = 2.0  # of the processor; each took from ten seconds to hours
 SIDE = 2048
 
 

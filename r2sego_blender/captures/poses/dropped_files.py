@@ -42,7 +42,7 @@ def capture_files(dropped: Sequence[Path], suffix: str) -> CaptureFiles:
     CaptureError when there is nothing to begin with, or photographs of two folders.
     """
     poses, folders = None, []
-    whole = [Path(one) for one in dropped if Path(one).suffix.lower() in (*VIDEOS, *ARCHIVES) and Path(one).is_file()]
+    whole = [Path(one) for one in dropped if _stands_alone(Path(one)) and Path(one).is_file()]
     for path in (Path(one) for one in dropped):
         if (recording := _recording_of(path)) is not None:
             return CaptureFiles(recording, None, recording.with_name(recording.name + suffix))
@@ -89,13 +89,18 @@ def taken_besides(dropped: Sequence[Path], photographs: Path | None) -> str:
         return ""
     paths = [Path(one) for one in dropped]
     said = []
-    if left := [path.name for path in paths if path.suffix.lower() in (*VIDEOS, *ARCHIVES)]:
+    if left := [path.name for path in paths if _stands_alone(path)]:
         said.append(f"Left out: {', '.join(left)}, which is taken when it is dropped alone")
     chosen = {path for path in paths if is_photograph(path) and path.parent == photographs}
     there = sum(map(is_photograph, photographs.iterdir())) if chosen else 0
     if there > len(chosen):
         said.append(f"All {there} photographs in {photographs.name} are taken, not only the {len(chosen)} dropped")
     return ". ".join(said)
+
+
+def _stands_alone(path: Path) -> bool:
+    """Whether a file is all that a scene is made of: a video or a zip, by its name."""
+    return path.suffix.lower() in (*VIDEOS, *ARCHIVES)
 
 
 def _recording_of(path: Path) -> Path | None:

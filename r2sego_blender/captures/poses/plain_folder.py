@@ -39,8 +39,7 @@ def plain_photographs(folder: Path, progress: Progress) -> list[Path]:
         raise _too_few(folder, len(found), copies, passed)
     if maps:
         progress.message(f"{listed(maps)}: passed over, for they are depth maps (one channel of 16 bits or more)")
-    if copies:
-        progress.message(f"{listed(copies)}: the same photograph again, left out", level="warning")
+    tell_copies(copies, progress)
     if passed:
         progress.message(f"{listed(passed)}: passed over. {_cure(passed)}", level="warning")
     for poses in poses_near(folder):
@@ -67,6 +66,12 @@ def distinct_photographs(paths: Sequence[Path]) -> tuple[list[Path], list[Path]]
             copies.add(path)
         known.add(digest)
     return [path for path in paths if path not in copies], sorted(copies, key=_NAME)
+
+
+def tell_copies(copies: Sequence[Path], progress: Progress) -> None:
+    """Warn of photographs that are left out as copies of others, if there are any."""
+    if copies:
+        progress.message(f"{listed(copies)}: the same photograph again, left out", level="warning")
 
 
 def _passed_over(folder: Path, found: Sequence[Path]) -> list[Path]:

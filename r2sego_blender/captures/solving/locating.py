@@ -22,8 +22,8 @@ from ..capture import Capture
 from ..matching.detection import sift_each
 from ..matching.features import Features, match
 from ..matching.xfeat import LEAST_EXPECTED, match_xfeat
-from ..poses.photographs import listed, upright_size
-from ..poses.plain_folder import distinct_photographs
+from ..poses.photographs import upright_size
+from ..poses.plain_folder import distinct_photographs, tell_copies
 from ..sparse_points import SparsePoints
 from .pnp import PoseEstimate, estimate_pose
 
@@ -95,8 +95,7 @@ def locate_views(
     paths, copies = distinct_photographs(image_files(folder) if folder.is_dir() else [])
     if not paths:
         raise CaptureError("there are no photographs", where=folder, cure="Give a folder of photographs.")
-    if copies:
-        progress.message(f"{listed(copies)}: the same photograph again, left out", level="warning")
+    tell_copies(copies, progress)
     known = landmarks(captures, sparse, settings, depths, progress)
     views = [_unposed(path, captures) for path in paths]
     detected = _features(views, settings, progress, "Locating photographs: features")

@@ -19,7 +19,7 @@ from ..motion.dynamics import inverse_dynamics
 from ..motion.foot_locking import foot_places
 from ..motion.gait import Gait
 from ..motion.motion import ReferenceMotion
-from ..motion.recorded_motion import HumanRecording, read_recording, robot_motion
+from ..motion.recorded_motion import HumanRecording, frame_count, read_recording, robot_motion
 from ..motion.retargeting import retarget
 from ..planning.free_floor import FreeFloor
 from ..planning.seats import find_seats
@@ -56,7 +56,7 @@ def load_take(path: str | Path, robot: RobotModel) -> Take:
     if not robot.legs:
         raise RobotError("the robot has no legs to replay a motion with", where=robot.source, cure="Give one.")
     recording = read_recording(path)
-    frames = int(recording.seconds * RATE_HZ + 1e-9) + 1  # on the robot
+    frames = frame_count(recording.seconds)
     if frames < _SHORTEST_S * RATE_HZ:
         raise RobotError(f"the motion lasts {frames / RATE_HZ:.1f} s", where=path, cure="Give a longer one.")
     if isinstance(recording, HumanRecording):

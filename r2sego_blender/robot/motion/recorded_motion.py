@@ -228,10 +228,15 @@ def _with_base(recording: RobotRecording, robot: RobotModel) -> RobotRecording:
     return replace(recording, names=names, root_m=root_m)
 
 
+def frame_count(seconds: float) -> int:
+    """The frames at ``RATE_HZ`` of a recording that lasts so long."""
+    return int(seconds * RATE_HZ + 1e-9) + 1
+
+
 def resampled(qpos: np.ndarray, rate_hz: float) -> np.ndarray:
     """``qpos`` (T, nq), a free base first, from ``rate_hz`` to ``RATE_HZ``; float64."""
     times = np.arange(len(qpos)) / rate_hz
-    at = np.arange(int(times[-1] * RATE_HZ + 1e-9) + 1) / RATE_HZ
+    at = np.arange(frame_count(times[-1])) / RATE_HZ
     frame = np.minimum((at * rate_hz).astype(int), len(qpos) - 2)
     part = (at * rate_hz - frame)[:, None]
     between = (1.0 - part) * qpos[frame] + part * qpos[frame + 1]

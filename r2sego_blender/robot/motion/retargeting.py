@@ -20,7 +20,7 @@ from ..behaviours.trajectory import RATE_HZ
 from ..model.model import RobotModel
 from ..model.structure import Leg, ancestors, fixed_to, is_hinge, joints_of
 from .foot_locking import planted, stances
-from .recorded_motion import HUMAN_BODIES, HumanRecording
+from .recorded_motion import HUMAN_BODIES, HumanRecording, frame_count
 
 _BODY = {name: index for index, name in enumerate(HUMAN_BODIES)}
 _SIDES = ("left", "right")
@@ -115,7 +115,7 @@ def standing(ankle_m: np.ndarray) -> np.ndarray:
 def _resampled(human: HumanRecording) -> tuple[np.ndarray, np.ndarray]:
     """Positions (T, 24, 3) and rotations (T, 24, 3, 3) at ``RATE_HZ``."""
     times = np.arange(len(human.position_m)) / human.rate_hz
-    at = np.minimum(np.arange(int(times[-1] * RATE_HZ + 1e-9) + 1) / RATE_HZ, times[-1])
+    at = np.minimum(np.arange(frame_count(times[-1])) / RATE_HZ, times[-1])
     flat = human.position_m.reshape(len(times), -1)
     position = np.stack([np.interp(at, times, column) for column in flat.T], axis=1).reshape(len(at), -1, 3)
     rotation = np.empty((*position.shape[:2], 3, 3))
@@ -284,7 +284,8 @@ def _bone_m(position: np.ndarray, *names: str) -> float:
 def _refuse_points(where: str, position: np.ndarray) -> None:
     """Raises RobotError where a limb's bone in ``position`` (T, 24, 3) points nowhere."""
     for side in _SIDES:
-        for start, end in ((f"{side}_{start}", f"{side}_{end}") for start, end in _BONES):
+        for upper, lower in _BONES:
+            start, end = f"{side}_{upper}", f"{side}_{lower}"
             bone = position[:, _BODY[end]] - position[:, _BODY[start]]
             if np.linalg.norm(bone, axis=1).min() < _SHORTEST_M:
                 raise RobotError(f"{start} and {end} are in one place", where=where, cure="Give a human's bodies.")

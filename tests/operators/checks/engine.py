@@ -1,7 +1,6 @@
 """What holds of the room Engine, checked inside Blender."""
 
 import contextlib
-import ctypes
 import os
 import shutil
 import signal
@@ -47,7 +46,7 @@ def check_a_failing_engine_is_reported_in_its_own_words():
 def check_ctrl_c_ends_a_wait_for_the_engine_and_blenders_handler_comes_back():
     """Blender without a window keeps the first for what it renders itself: here a handler in C that does nothing."""
     module = sys.modules[f"{MODULE}.operators.interruptible"]
-    ignoring = ctypes.c_void_p(1).value  # SIG_IGN, of which Python's own module does not know
+    ignoring = int(signal.SIG_IGN)  # as C has it, of which Python's own module does not know here
     open_bundle()
     conduct("sleep")
     before = signal.signal(signal.SIGINT, signal.SIG_DFL)
